@@ -1,0 +1,29 @@
+//! Bodies given by a function: negative inside, positive outside.
+
+use super::{Aabb, Point};
+
+/// A body known by a distance-like function of the place.
+pub trait ImplicitBody: Sync {
+    /// Negative inside, zero on the surface, positive outside; near the surface about the distance in mm.
+    fn value(&self, p: &Point) -> f64;
+    /// A box that holds the whole body.
+    fn bounds(&self) -> Aabb;
+}
+
+/// A ball: the body of known answers.
+#[derive(Debug, Clone, Copy)]
+pub struct Ball {
+    /// Its centre.
+    pub center: Point,
+    /// Its radius, mm.
+    pub radius_mm: f64,
+}
+
+impl ImplicitBody for Ball {
+    fn value(&self, p: &Point) -> f64 {
+        (p - self.center).norm() - self.radius_mm
+    }
+    fn bounds(&self) -> Aabb {
+        Aabb { min: self.center, max: self.center }.grown(self.radius_mm)
+    }
+}

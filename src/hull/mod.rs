@@ -1,0 +1,1 @@
+//! The visual hull and its measures.

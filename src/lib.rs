@@ -1,0 +1,12 @@
+//! grainrig turns a stepper motor, a camera and one sand grain into a numerical grain.
+//!
+//! The rooms, from the top of the house to its foundation; a room imports only rooms below it, which
+//! `tests/layering.rs` proves. Lengths are mm, angles radians inside; see `ARCHITECTURE.md`.
+
+pub mod rig;
+// Below this line: pure computation. No files, clock, threads of its own, logging or async; rayon only.
+pub mod calibrate;
+pub mod geometry;
+pub mod hull;
+pub mod mesh;
+pub mod silhouette;

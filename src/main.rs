@@ -1,0 +1,3 @@
+//! The `grainrig` program: parse, set up logging, run one command.
+
+fn main() {}

@@ -1,0 +1,1 @@
+//! Tetrahedra and triangles for a body given by a function.

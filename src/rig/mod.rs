@@ -1,0 +1,99 @@
+//! The rig: a stage that turns the grain and a camera that photographs it.
+//!
+//! The traits speak the field's verbs and know nothing of how a device was found. One thread owns each
+//! device; calls block.
+
+use crate::geometry::Angle;
+use serde::{Deserialize, Serialize};
+
+/// Turns the grain about the z axis.
+pub trait RotationStage: Send {
+    /// Finds the reference angle and goes there; returns the angle reached (zero by definition).
+    ///
+    /// # Errors
+    /// [`RigError`] where the stage does not answer or the reference is not found.
+    fn home(&mut self) -> Result<Angle, RigError>;
+    /// Goes to an absolute angle (counter-clockwise seen from above), waits until it stands, returns the angle
+    /// that the stage believes it has reached.
+    ///
+    /// # Errors
+    /// [`RigError`] where the angle is outside the limits or the stage does not get there.
+    fn move_to(&mut self, target: Angle) -> Result<Angle, RigError>;
+    /// One line that names the device for the session's record.
+    fn describe(&self) -> String;
+}
+
+/// Photographs the grain.
+pub trait Camera: Send {
+    /// Takes one picture: the camera's own bytes.
+    ///
+    /// # Errors
+    /// [`RigError`] where the camera does not deliver a whole picture.
+    fn capture(&mut self) -> Result<Frame, RigError>;
+    /// One line that names the device for the session's record.
+    fn describe(&self) -> String;
+}
+
+/// One photograph as the camera delivered it: never re-encoded.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Frame {
+    /// The file's bytes.
+    pub bytes: Vec<u8>,
+    /// What kind of file they are.
+    pub encoding: Encoding,
+}
+
+/// The kinds of picture file that are archived and decoded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Encoding {
+    /// JPEG.
+    Jpeg,
+    /// PNG.
+    Png,
+    /// TIFF.
+    Tiff,
+}
+
+impl Encoding {
+    /// The file name's ending.
+    pub const fn extension(self) -> &'static str {
+        match self {
+            Self::Jpeg => "jpg",
+            Self::Png => "png",
+            Self::Tiff => "tif",
+        }
+    }
+    /// Recognises the file by its first bytes; `None` for anything else (an empty file too).
+    pub fn sniff(bytes: &[u8]) -> Option<Self> {
+        match bytes {
+            [0xff, 0xd8, 0xff, ..] => Some(Self::Jpeg),
+            [0x89, b'P', b'N', b'G', ..] => Some(Self::Png),
+            [b'I', b'I', 42, 0, ..] | [b'M', b'M', 0, 42, ..] => Some(Self::Tiff),
+            _ => None,
+        }
+    }
+}
+
+/// Why a device did not do what it was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum RigError {
+    /// A target outside the stage's limits: refused before anything moves.
+    #[error(
+        "the stage was asked for {asked}, its limits are {low} to {high}; change the plan or [stage] limits_deg"
+    )]
+    OutOfLimits {
+        /// The angle asked for.
+        asked: Angle,
+        /// The least angle allowed.
+        low: Angle,
+        /// The greatest angle allowed.
+        high: Angle,
+    },
+    /// The device failed; the text says how, with value, limit and remedy.
+    #[error("{0}")]
+    Device(String),
+    /// A recording has no more pictures or angles.
+    #[error("the recording ends after {0} views; the plan asks for more")]
+    RecordingEnds(usize),
+}

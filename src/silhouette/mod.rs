@@ -1,0 +1,5 @@
+//! From a photograph to the outline of the grain.
+
+mod field;
+
+pub use field::Silhouette;
