@@ -1,0 +1,139 @@
+//! What happens during a run: one numbered event type for terminal, journal and browser alike.
+
+use jiff::Timestamp;
+use serde::{Deserialize, Serialize};
+
+/// Something that happened, numbered.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Event {
+    /// Number: each is one more than the one before it in the same log.
+    pub seq: u64,
+    /// When, in UTC.
+    pub time: Timestamp,
+    /// What.
+    #[serde(flatten)]
+    pub what: Happening,
+}
+
+/// What a view is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// A view of the grain that carves the hull.
+    Grain,
+    /// A view half a turn after the first: its mirror image, which shows the axis.
+    Closing,
+}
+
+/// A picture that is durable: written, synced, hashed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CapturedView {
+    /// Index of the view in the plan, from 0.
+    pub view: usize,
+    /// What it is for.
+    pub role: Role,
+    /// File name inside `frames/`.
+    pub file: String,
+    /// Size of the file.
+    pub bytes: u64,
+    /// SHA-256 of the file, hexadecimal.
+    pub sha256: String,
+    /// Where the stage was sent, degrees.
+    pub commanded_deg: f64,
+    /// Where the stage says it is, degrees.
+    pub reached_deg: f64,
+}
+
+/// A product that is durable.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ProductRecord {
+    /// File name inside `products/`.
+    pub file: String,
+    /// Size of the file.
+    pub bytes: u64,
+    /// SHA-256 of the file, hexadecimal.
+    pub sha256: String,
+}
+
+/// The kinds of event.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "event", rename_all = "snake_case")]
+pub enum Happening {
+    /// A run began (or went on, where `already_captured` > 0).
+    Started {
+        /// Name of the session.
+        session: String,
+        /// Views in the plan.
+        views: usize,
+        /// Views that an earlier run has captured.
+        already_captured: usize,
+    },
+    /// The stage found its reference.
+    Homed,
+    /// The stage is being sent to a view's angle.
+    Moving {
+        /// Index of the view.
+        view: usize,
+        /// The angle, degrees.
+        target_deg: f64,
+    },
+    /// A view is captured and durable.
+    Captured {
+        /// The view.
+        #[serde(flatten)]
+        view: CapturedView,
+        /// Estimated time to the last view, seconds; `None` before it can be told.
+        remaining_s: Option<f64>,
+    },
+    /// The run waits for `resume`.
+    Paused,
+    /// The run goes on.
+    Resumed,
+    /// Somebody stopped the run; what was captured stays.
+    Aborted,
+    /// All views are captured.
+    AcquisitionComplete {
+        /// Views captured.
+        views: usize,
+    },
+    /// The silhouette of a view was found.
+    Silhouette {
+        /// Index of the view.
+        view: usize,
+        /// Its area, square pixels.
+        area_px: f64,
+        /// What a person should know of it.
+        warnings: Vec<String>,
+    },
+    /// The live hull was carved by one more view.
+    Hull {
+        /// Views in the hull so far.
+        views: usize,
+        /// Volume so far, mm³; an upper bound. `None` where the session has no scale.
+        volume_mm3: Option<f64>,
+    },
+    /// A stage of the computation began or went on.
+    Working {
+        /// Its name: `calibrate`, `hull`, `mesh`, `export`.
+        stage: String,
+        /// How much of it is done, 0 to 1.
+        done: f64,
+    },
+    /// The products are written and durable.
+    Products {
+        /// The files.
+        files: Vec<ProductRecord>,
+        /// Seconds each stage took on the run that first made them.
+        timing_s: serde_json::Value,
+    },
+    /// The run failed; what was captured stays.
+    Failed {
+        /// Value, unit, limit and remedy.
+        error: String,
+    },
+    /// The run is complete.
+    Complete {
+        /// What `result.json` holds.
+        result: serde_json::Value,
+    },
+}

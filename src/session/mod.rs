@@ -1,0 +1,3 @@
+//! The session: a folder that holds everything a run saw and did.
+
+pub mod event;
