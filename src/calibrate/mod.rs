@@ -1,1 +1,7 @@
 //! What the pictures say of the rig: the rotation axis, the camera of each view.
+
+mod axis;
+mod turntable;
+
+pub use axis::{Axis, AxisError, AxisMethod, axis_from_closing_view, axis_from_tangency, find_axis};
+pub use turntable::Turntable;

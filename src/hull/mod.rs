@@ -1,1 +1,75 @@
-//! The visual hull and its measures.
+//! The visual hull: the largest body that all silhouettes allow, and its measures.
+//!
+//! A place belongs to the hull when every view sees it inside the silhouette. The hull is the intersection of
+//! the views' cones (Laurentini 1994), an upper bound of the grain: what no view can see stays filled.
+
+mod bounds;
+mod cone;
+mod grid;
+mod measure;
+
+pub use bounds::find_bounds;
+pub use cone::Cone;
+pub use grid::{HullGrid, VoxelCount};
+pub use measure::Measures;
+
+use crate::geometry::{Aabb, ImplicitBody, Point};
+
+/// The hull as a function of the place, without a grid: the greatest signed distance over the views.
+#[derive(Debug, Clone)]
+pub struct VisualHull {
+    /// The views.
+    pub cones: Vec<Cone>,
+    /// A box that holds the hull.
+    pub bounds: Aabb,
+}
+
+impl ImplicitBody for VisualHull {
+    fn value(&self, p: &Point) -> f64 {
+        self.cones.iter().map(|c| c.value_mm(p)).fold(f64::NEG_INFINITY, f64::max)
+    }
+    fn bounds(&self) -> Aabb {
+        self.bounds
+    }
+}
+
+/// Why there is no hull.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum HullError {
+    /// No view was given.
+    #[error("there is no view to carve with; a hull needs at least 2")]
+    NoViews,
+    /// The views have no common body.
+    #[error(
+        "the silhouettes of {views} views have no common body; check the direction of rotation, the step angle, \
+         the axis and the cameras"
+    )]
+    Empty {
+        /// How many views.
+        views: usize,
+    },
+    /// The views leave the hull unbounded.
+    #[error("{views} views do not bound the hull in every direction; add views from other angles")]
+    Unbounded {
+        /// How many views.
+        views: usize,
+    },
+    /// The grid's pitch is not a positive number.
+    #[error("voxel size {0} mm: it must be a positive number; give hull.voxel_mm or a scale")]
+    Voxel(f64),
+    /// The grid would have too many cells.
+    #[error(
+        "a voxel of {voxel_mm} mm makes {cells} cells along the longest edge, the limit is {limit}; use a larger voxel"
+    )]
+    TooFine {
+        /// The pitch asked for.
+        voxel_mm: f64,
+        /// Cells along the longest edge.
+        cells: f64,
+        /// The greatest number allowed.
+        limit: usize,
+    },
+}
+
+#[cfg(test)]
+mod tests;
