@@ -34,7 +34,8 @@ impl HullGrid {
     /// Volume, area and box. The cost is as the surface; block sums are added in a fixed order.
     pub fn measures(&self) -> Measures {
         let h = self.pitch_mm;
-        let sums: Vec<Sum> = (0..self.blocks.len()).into_par_iter().map(|n| self.measure_block(n)).collect();
+        let sums: Vec<Sum> =
+            (0..self.blocks.len()).into_par_iter().map(|n| self.measure_block(n, &mut |_| {})).collect();
         let mut total = Sum { volume: 0.0, area: 0.0, bounds: None };
         for s in sums {
             total.volume += s.volume;
@@ -48,8 +49,21 @@ impl HullGrid {
         }
     }
 
+    /// The triangles of the surface that [`Self::measures`] measures, in a fixed order; not oriented.
+    pub fn surface_triangles(&self) -> Vec<[Point; 3]> {
+        let parts: Vec<Vec<[Point; 3]>> = (0..self.blocks.len())
+            .into_par_iter()
+            .map(|n| {
+                let mut out = Vec::new();
+                self.measure_block(n, &mut |t| out.push(t));
+                out
+            })
+            .collect();
+        parts.concat()
+    }
+
     /// The sums of the cells that a block owns, in units of the pitch.
-    fn measure_block(&self, n: usize) -> Sum {
+    fn measure_block(&self, n: usize, emit: &mut impl FnMut([Point; 3])) -> Sum {
         let mut sum = Sum { volume: 0.0, area: 0.0, bounds: None };
         match &self.blocks[n] {
             Block::Outside => return sum,
@@ -74,7 +88,7 @@ impl HullGrid {
                         sum.volume += 1.0;
                     } else if inside > 0 {
                         let at = corner + Vector::new(x as f64, y as f64, z as f64) * self.pitch_mm;
-                        self.measure_cell(&v, &at, &mut sum);
+                        self.measure_cell(&v, &at, &mut sum, emit);
                     }
                 }
             }
@@ -82,7 +96,7 @@ impl HullGrid {
         sum
     }
 
-    fn measure_cell(&self, v: &[f64; 8], at: &Point, sum: &mut Sum) {
+    fn measure_cell(&self, v: &[f64; 8], at: &Point, sum: &mut Sum, emit: &mut impl FnMut([Point; 3])) {
         let place = |i: usize| Vector::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2 & 1) as f64);
         for t in TETRAHEDRA {
             let mut order = t;
@@ -117,7 +131,11 @@ impl HullGrid {
             };
             sum.volume += volume;
             sum.area += area;
-            sum.bounds = union(sum.bounds, Aabb::of(cuts.into_iter().map(|c| at + c * self.pitch_mm)));
+            let cuts: Vec<Point> = cuts.into_iter().map(|c| at + c * self.pitch_mm).collect();
+            for k in 2..cuts.len() {
+                emit([cuts[0], cuts[k - 1], cuts[k]]);
+            }
+            sum.bounds = union(sum.bounds, Aabb::of(cuts));
         }
     }
 }

@@ -7,11 +7,13 @@ mod bounds;
 mod cone;
 mod grid;
 mod measure;
+mod reproject;
 
 pub use bounds::find_bounds;
 pub use cone::Cone;
 pub use grid::{HullGrid, VoxelCount};
 pub use measure::Measures;
+pub use reproject::silhouette_iou;
 
 use crate::geometry::{Aabb, ImplicitBody, Point};
 

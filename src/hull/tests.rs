@@ -113,3 +113,15 @@ fn views_without_a_common_body_and_bad_pitches_are_errors() {
     }
     assert!(matches!(HullGrid::new(&b, 1e-6), Err(HullError::TooFine { .. })));
 }
+
+#[test]
+fn the_hull_fills_the_silhouettes_that_carved_it() {
+    let cones = ball_views(80.0, 9, None);
+    let triangles = carve(&cones, 0.01).surface_triangles();
+    for c in &cones {
+        let iou = silhouette_iou(c, &triangles);
+        assert!(iou > 0.985, "{iou}");
+    }
+    let moved = Cone::new(cones[0].projection().clone(), disc([200.0, 150.0], 80.0, [320, 300]));
+    assert!(silhouette_iou(&moved, &triangles) < 0.7);
+}

@@ -1,0 +1,48 @@
+//! The hull seen again by a camera: how well it fills the silhouette that carved it.
+
+use super::Cone;
+use crate::geometry::Point;
+
+/// Intersection over union of a view's silhouette and the picture of a closed surface's triangles.
+///
+/// A pixel is covered where its centre lies in a triangle's picture, whichever way that faces. 1 is perfect;
+/// inconsistent cameras or silhouettes carve away what a view has seen, so its value falls.
+pub fn silhouette_iou(cone: &Cone, triangles: &[[Point; 3]]) -> f64 {
+    let s = cone.silhouette();
+    let [w, h] = s.picture;
+    let mut covered = vec![false; w * h];
+    for t in triangles {
+        let [Some(a), Some(b), Some(c)] = t.map(|p| cone.projection().project(&p)) else { continue };
+        fill(&mut covered, w, h, a, b, c);
+    }
+    let (mut both, mut either) = (0u64, 0u64);
+    for row in 0..h {
+        for column in 0..w {
+            let (x, y) = (s.contains(column, row), covered[row * w + column]);
+            both += u64::from(x && y);
+            either += u64::from(x || y);
+        }
+    }
+    if either == 0 { 0.0 } else { both as f64 / either as f64 }
+}
+
+/// Marks the pixels whose centres lie in the triangle a b c.
+fn fill(covered: &mut [bool], w: usize, h: usize, a: [f64; 2], b: [f64; 2], c: [f64; 2]) {
+    let low = |k: usize| a[k].min(b[k]).min(c[k]).ceil().max(0.0);
+    let high = |k: usize, n: usize| a[k].max(b[k]).max(c[k]).floor().min(n as f64 - 1.0);
+    let (x0, x1, y0, y1) = (low(0), high(0, w), low(1), high(1, h));
+    if !(x0 <= x1 && y0 <= y1) {
+        return;
+    }
+    let cross =
+        |p: [f64; 2], q: [f64; 2], x: f64, y: f64| (q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0]);
+    for row in y0 as usize..=y1 as usize {
+        for column in x0 as usize..=x1 as usize {
+            let (x, y) = (column as f64, row as f64);
+            let e = [cross(a, b, x, y), cross(b, c, x, y), cross(c, a, x, y)];
+            if e.iter().all(|v| *v >= 0.0) || e.iter().all(|v| *v <= 0.0) {
+                covered[row * w + column] = true;
+            }
+        }
+    }
+}
