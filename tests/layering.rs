@@ -1,0 +1,111 @@
+//! A room imports only rooms below it, and nobody but daemon, cli and configuration names the simulated rig.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The house, from its roof to its foundation. In the pure half a stage of the computation may import the
+/// stages whose values it takes, so the way of the data runs upwards from geometry.
+const ROOMS: [&str; 16] = [
+    "main",
+    "cli",
+    "server",
+    "daemon",
+    "config",
+    "acquire",
+    "pipeline",
+    "session",
+    "rig",
+    "export",
+    "mesh",
+    "hull",
+    "calibrate",
+    "silhouette",
+    "geometry",
+    "lib",
+];
+const PURE: [&str; 5] = ["mesh", "hull", "calibrate", "silhouette", "geometry"];
+/// What has no place in a pure room: files, clocks, threads of its own, logging, async.
+const IMPURE: [&str; 8] =
+    ["std::fs", "std::net", "std::thread", "std::time", "tracing::", "tokio::", "println!", "std::env"];
+
+fn sources(dir: &Path, out: &mut Vec<PathBuf>) {
+    let mut entries: Vec<PathBuf> = fs::read_dir(dir).unwrap().map(|e| e.unwrap().path()).collect();
+    entries.sort();
+    for path in entries {
+        if path.is_dir() {
+            sources(&path, out);
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            out.push(path);
+        }
+    }
+}
+
+/// The room of a file: the first folder below `src`, or the file's own name there.
+fn room(file: &Path, root: &Path) -> String {
+    let first = file.strip_prefix(root).unwrap().components().next().unwrap();
+    first.as_os_str().to_str().unwrap().trim_end_matches(".rs").to_owned()
+}
+
+/// Code without comments and without its test module, which may look anywhere below `src`.
+fn code(text: &str) -> String {
+    let text = text.split("#[cfg(test)]").next().unwrap_or("");
+    text.lines().map(|l| l.split("//").next().unwrap_or("")).collect::<Vec<_>>().join("\n")
+}
+
+fn files() -> Vec<(PathBuf, String, String)> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut found = Vec::new();
+    sources(&root, &mut found);
+    assert!(found.len() > 20, "the sources are not where this test looks");
+    found
+        .into_iter()
+        .filter(|f| f.file_name().is_some_and(|n| n != "tests.rs"))
+        .map(|f| (f.clone(), room(&f, &root), code(&fs::read_to_string(&f).unwrap())))
+        .collect()
+}
+
+#[test]
+fn imports_point_down_the_house() {
+    let place = |room: &str| ROOMS.iter().position(|r| *r == room);
+    for (file, room, code) in files() {
+        let here = place(&room).unwrap_or_else(|| panic!("{} is in no room of the house", file.display()));
+        if room == "lib" {
+            continue;
+        }
+        for (n, line) in code.lines().enumerate() {
+            for part in line.split("crate::").skip(1).chain(line.split("grainrig::").skip(1)) {
+                let target: String = part.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
+                if let Some(there) = place(&target) {
+                    assert!(
+                        there >= here,
+                        "{}:{}: {room} imports {target}, which is above it",
+                        file.display(),
+                        n + 1
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn pure_rooms_compute_and_nothing_else() {
+    for (file, room, code) in files() {
+        if PURE.contains(&room.as_str()) {
+            for word in IMPURE {
+                assert!(!code.contains(word), "{}: a pure room uses {word}", file.display());
+            }
+        }
+    }
+}
+
+#[test]
+fn only_daemon_cli_and_configuration_name_the_simulated_rig() {
+    for (file, room, code) in files() {
+        let own = file.components().any(|c| c.as_os_str() == "simulated");
+        let declared = file.ends_with("rig/mod.rs");
+        if !own && !declared && !["daemon", "cli", "config", "main"].contains(&room.as_str()) {
+            assert!(!code.contains("simulated"), "{} names the simulated rig", file.display());
+        }
+    }
+}
