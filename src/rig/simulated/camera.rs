@@ -1,0 +1,127 @@
+//! The simulated camera: a view of the scene at the stage's true angle, with shot noise, as a JPEG file.
+
+use super::jpeg::{self, STRIP_ROWS, Strip};
+use super::random::{self, Normal, Purpose};
+use super::scene::{Patch, Scene};
+use super::stage::lock;
+use super::{Exposure, Shared, exif};
+use crate::geometry::Angle;
+use crate::rig::{Camera, Encoding, Frame, RigError};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+/// Blue and red chrominance of lamp and tube (nearly neutral), and of the grain (sand).
+const NEUTRAL: [f32; 2] = [127.0, 129.0];
+const SAND: [f32; 2] = [116.0, 133.0];
+
+/// The camera. The same settings, true angle and exposure number give the same bytes.
+pub struct SimulatedCamera {
+    scene: Arc<Scene>,
+    shared: Arc<Mutex<Shared>>,
+    normal: Normal,
+    exposures: usize,
+}
+
+impl SimulatedCamera {
+    pub(super) fn new(scene: Arc<Scene>, shared: Arc<Mutex<Shared>>) -> Self {
+        Self { scene, shared, normal: Normal::new(), exposures: 0 }
+    }
+
+    /// One strip of the picture, with noise.
+    fn strip(&self, n: usize, noise: u64, patch: &Patch) -> Strip {
+        let [width, height] = self.scene.optics.picture;
+        let rows = n * STRIP_ROWS..((n + 1) * STRIP_ROWS).min(height);
+        let [left, top] = patch.window.origin;
+        let [wide, high] = patch.window.size;
+        let mut line = vec![0f32; width];
+        let mut strip = Strip {
+            luma: vec![0; width * rows.len()],
+            chroma: Vec::with_capacity(rows.len()),
+            grey: NEUTRAL.map(|x| x as u8),
+            width,
+        };
+        for (row, out) in rows.zip(strip.luma.chunks_mut(width)) {
+            let down = self.scene.background_down(row);
+            for (x, across) in line.iter_mut().zip(self.scene.background_across()) {
+                *x = across * down;
+            }
+            let in_patch = (top..top + high).contains(&row);
+            strip.chroma.push(in_patch.then(|| {
+                let from = (row - top) * wide;
+                line[left..left + wide].copy_from_slice(&patch.level[from..from + wide]);
+                std::array::from_fn(|k| {
+                    let mut chroma = vec![strip.grey[k]; width];
+                    for (c, grain) in chroma[left..].iter_mut().zip(&patch.grain[from..from + wide]) {
+                        *c = (NEUTRAL[k] + grain * (SAND[k] - NEUTRAL[k]) + 0.5) as u8;
+                    }
+                    chroma
+                })
+            }));
+            self.expose(&line, random::bits(noise, row as u64), out);
+        }
+        strip
+    }
+
+    /// Adds shot noise to a row and rounds it to grey levels; `key` is the row's own.
+    fn expose(&self, line: &[f32], key: u64, out: &mut [u8]) {
+        const DRAWS: usize = (u64::BITS / Normal::BITS) as usize;
+        // The variance of counted photons is proportional to their number.
+        let per_root = self.scene.settings.noise_sd as f32 / 128f32.sqrt();
+        for (n, (levels, pixels)) in line.chunks(DRAWS).zip(out.chunks_mut(DRAWS)).enumerate() {
+            let mut bits = random::bits(key, n as u64);
+            for (level, pixel) in levels.iter().zip(pixels) {
+                let noisy = level + per_root * level.max(0.0).sqrt() * self.normal.pick(bits);
+                bits >>= Normal::BITS;
+                // `as` rounds towards zero and stops at 0 and 255, as a full or an empty pixel does.
+                *pixel = (noisy + 0.5) as u8;
+            }
+        }
+    }
+}
+
+impl Camera for SimulatedCamera {
+    fn capture(&mut self) -> Result<Frame, RigError> {
+        let settings = &self.scene.settings;
+        let faults = &settings.faults;
+        let number = self.exposures;
+        self.exposures += 1;
+        if settings.realtime {
+            std::thread::sleep(Duration::from_secs_f64(settings.exposure_s));
+        }
+        let wobble_px = self.scene.wobble_px(number, &self.normal);
+        let slipped = faults.slip.filter(|s| number >= s.at).map_or(0.0, |s| s.deg);
+        let mut shared = lock(&self.shared);
+        let angle = shared.stage_angle + Angle::from_deg(slipped);
+        shared.time_s += settings.exposure_s;
+        let time_s = shared.time_s;
+        shared.exposures.push(Exposure { number, true_angle_deg: angle.deg(), wobble_px, time_s });
+        drop(shared);
+        if faults.fail_capture_at == Some(number) {
+            return Err(RigError::Device(format!(
+                "the simulated camera failed at exposure {number} as [simulated.faults] fail_capture_at asks; \
+                 take the picture again"
+            )));
+        }
+        let mut bytes = Vec::new();
+        if faults.empty_frame_at != Some(number) {
+            let patch = self.scene.patch(angle, wobble_px);
+            let noise = random::bits(random::key(settings.seed, Purpose::Noise), number as u64);
+            let picture = self.scene.optics.picture;
+            let exif = exif::block(picture, settings.exposure_s, number);
+            bytes = jpeg::encode(picture, settings.jpeg_quality, &exif, |n| self.strip(n, noise, &patch))?;
+        }
+        if faults.truncate_frame_at == Some(number) {
+            bytes.truncate(bytes.len() / 3 * 2);
+        }
+        Ok(Frame { bytes, encoding: Encoding::Jpeg })
+    }
+
+    fn describe(&self) -> String {
+        let s = &self.scene.settings;
+        let lens = s.camera_distance_mm.map_or("telecentric".into(), |d| format!("pinhole at {d} mm"));
+        format!(
+            "simulated camera, {}×{} px, {} mm/px, {lens}, seed {}",
+            s.width, s.height, s.mm_per_px, s.seed
+        )
+    }
+}
