@@ -1,3 +1,30 @@
 //! The session: a folder that holds everything a run saw and did.
+//!
+//! ```text
+//! DATA/NAME/manifest.json    what it was to be; written once, first link of the chain of hashes
+//!           journal.jsonl    what happened, a line each, each with the hash of the line before
+//!           frames/          the camera's own bytes
+//!           products/        what was computed from them
+//!           lock             held by the one process that writes
+//! ```
+//!
+//! A view is captured when its bytes are written, synced, hashed and journalled, in that order.
 
+mod disk;
+mod error;
 pub mod event;
+pub mod journal;
+pub mod manifest;
+mod name;
+pub mod picture;
+mod recording;
+mod store;
+mod writer;
+
+pub use disk::{check_space, free_bytes, sha256_hex};
+pub use error::SessionError;
+pub use manifest::{Manifest, Origin, Plan, PlannedView, required_bytes};
+pub use name::check_name;
+pub use recording::{Recording, State};
+pub use store::{Staged, Store, Summary};
+pub use writer::{ProductWriter, Session};

@@ -1,0 +1,151 @@
+//! The handle by which others steer and watch a run.
+
+use serde::Serialize;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+/// Where a run stands.
+///
+/// ```text
+///  Idle ──▶ Homing ──▶ Moving ──▶ Settling ──▶ Exposing ──▶ Storing ──▶ Complete
+///    │                   ▲ ▲                    │  ▲ │         │           ▲
+///    │                   │ │                    └──┘ bad picture,          │
+///    │                   │ └────────────────────────  taken again  next view, or the last
+///    └───────────────────│─────────────────────────────────────────────────┘ nothing missing
+///                        ▼
+///                      Paused        between any two of the above, back to where it was
+///
+///  any of the above ──abort──▶ Aborted        any of the above ──error──▶ Failed
+/// ```
+///
+/// Aborted and failed runs keep what is captured; a new run goes on with the missing views, from Idle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[serde(tag = "phase", rename_all = "snake_case")]
+pub enum Phase {
+    /// Not begun.
+    #[default]
+    Idle,
+    /// The stage looks for its reference.
+    Homing,
+    /// The stage goes to a view's angle.
+    Moving {
+        /// The view's index.
+        view: usize,
+    },
+    /// The grain comes to rest.
+    Settling {
+        /// The view's index.
+        view: usize,
+    },
+    /// The camera takes a picture.
+    Exposing {
+        /// The view's index.
+        view: usize,
+        /// Pictures of this view that were bad.
+        bad: u32,
+    },
+    /// The picture is made durable.
+    Storing {
+        /// The view's index.
+        view: usize,
+    },
+    /// Waits for `resume` or `abort`.
+    Paused,
+    /// All views are captured.
+    Complete,
+    /// Somebody stopped the run.
+    Aborted,
+    /// The run failed.
+    Failed,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum Wish {
+    #[default]
+    Go,
+    Pause,
+    Abort,
+}
+
+#[derive(Debug, Default)]
+struct Shared {
+    state: Mutex<(Wish, Phase)>,
+    changed: Condvar,
+}
+
+/// Steers and watches one run from any thread; clones steer the same run.
+#[derive(Debug, Clone, Default)]
+pub struct Control {
+    shared: Arc<Shared>,
+}
+
+impl Control {
+    /// A control whose run may go.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, (Wish, Phase)> {
+        // The pair is consistent after any panic.
+        self.shared.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn wish(&self, wish: Wish) {
+        let mut state = self.lock();
+        // An abort is final.
+        if state.0 != Wish::Abort {
+            state.0 = wish;
+            self.shared.changed.notify_all();
+        }
+    }
+
+    /// The run stops before its next step and waits.
+    pub fn pause(&self) {
+        self.wish(Wish::Pause);
+    }
+    /// A paused run goes on.
+    pub fn resume(&self) {
+        self.wish(Wish::Go);
+    }
+    /// The run ends before its next step, for good.
+    pub fn abort(&self) {
+        self.wish(Wish::Abort);
+    }
+    /// Where the run stands.
+    pub fn phase(&self) -> Phase {
+        self.lock().1
+    }
+
+    pub(super) fn enter(&self, phase: Phase) {
+        self.lock().1 = phase;
+        self.shared.changed.notify_all();
+    }
+
+    /// Waits until the run has reached a phase that `is_it` accepts, or has ended; the phase.
+    pub fn wait_for(&self, is_it: impl Fn(Phase) -> bool) -> Phase {
+        let ended = |p| matches!(p, Phase::Complete | Phase::Aborted | Phase::Failed);
+        let waits = |s: &mut (Wish, Phase)| !is_it(s.1) && !ended(s.1);
+        let state = self.shared.changed.wait_while(self.lock(), waits);
+        state.unwrap_or_else(PoisonError::into_inner).1
+    }
+
+    pub(super) fn is_pausing(&self) -> bool {
+        self.lock().0 == Wish::Pause
+    }
+
+    pub(super) fn is_aborting(&self) -> bool {
+        self.lock().0 == Wish::Abort
+    }
+
+    /// Waits until the run may go on, or is aborted.
+    pub(super) fn wait_while_paused(&self) {
+        let state = self.shared.changed.wait_while(self.lock(), |s| s.0 == Wish::Pause);
+        drop(state.unwrap_or_else(PoisonError::into_inner));
+    }
+
+    /// Waits for an abort, `time` at most.
+    pub(super) fn wait_for_abort(&self, time: Duration) {
+        let waited = self.shared.changed.wait_timeout_while(self.lock(), time, |s| s.0 != Wish::Abort);
+        drop(waited.unwrap_or_else(PoisonError::into_inner));
+    }
+}

@@ -1,0 +1,202 @@
+//! Why a session could not be written or read.
+
+use std::path::{Path, PathBuf};
+
+/// Why a session could not be written or read. Each message has the value, the limit and what to do.
+#[derive(Debug, thiserror::Error)]
+pub enum SessionError {
+    /// A name that could lead out of the data folder, or that a file system would not take.
+    #[error(
+        "the {kind} {value:?} is not allowed: {limit}; use 1 to 64 letters, digits, '.', '_' or '-', \
+         beginning with a letter or a digit, without '..'"
+    )]
+    Name {
+        /// What the name is for.
+        kind: &'static str,
+        /// The name, shortened where it is long.
+        value: String,
+        /// The limit that it breaks.
+        limit: &'static str,
+    },
+    /// The name is taken.
+    #[error("session {name:?} exists already in {}; choose another name, or resume it", data.display())]
+    Exists {
+        /// The session's name.
+        name: String,
+        /// The data folder.
+        data: PathBuf,
+    },
+    /// There is no such session.
+    #[error("there is no session at {}; `grainrig list` shows those there are", path.display())]
+    Absent {
+        /// Where it was looked for.
+        path: PathBuf,
+    },
+    /// Another process, or another part of this one, writes the session.
+    #[error("{} is being written by process {holder}; wait for it, or stop it", path.display())]
+    Locked {
+        /// The session's folder.
+        path: PathBuf,
+        /// The process's number, or `unknown`.
+        holder: String,
+    },
+    /// The disk is full, or will be.
+    #[error(
+        "no room for {}: {needed} bytes needed, {free} bytes free; delete old sessions or set another data folder",
+        path.display()
+    )]
+    DiskFull {
+        /// The file or folder that was to be written.
+        path: PathBuf,
+        /// Bytes needed.
+        needed: u64,
+        /// Bytes free for this user.
+        free: u64,
+    },
+    /// The operating system refused.
+    #[error("cannot {action} {}: {source}; check that the folder exists and that this account may write it", path.display())]
+    Io {
+        /// What was tried.
+        action: &'static str,
+        /// On which file.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The manifest is missing, unreadable or from another version.
+    #[error("{}: {reason}; restore manifest.json from a backup, or delete the session", path.display())]
+    Manifest {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The journal is damaged elsewhere than in its torn last line.
+    #[error(
+        "{}, line {line}: {reason}; restore the file from a backup, or import the frames as a new session",
+        path.display()
+    )]
+    Journal {
+        /// The file.
+        path: PathBuf,
+        /// Line number, from 1.
+        line: usize,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// An event that could not be read back from the journal, so it is not written.
+    #[error("the event cannot be journalled: {reason}; every number in an event must be finite")]
+    Unrecordable {
+        /// Why.
+        reason: String,
+    },
+    /// An earlier write failed and could not be undone.
+    #[error("{}: an earlier write failed; open the session again, which repairs the journal", path.display())]
+    Broken {
+        /// The journal.
+        path: PathBuf,
+    },
+    /// A view that the plan does not have, or a role that is not the plan's.
+    #[error("view {view} is not in the plan of {views} views; check the index")]
+    NotPlanned {
+        /// The view's index.
+        view: usize,
+        /// Views in the plan.
+        views: usize,
+    },
+    /// A view whose picture is durable already: evidence is never overwritten.
+    #[error("view {view} is captured already as {file}; a new picture needs a new session")]
+    Captured {
+        /// The view's index.
+        view: usize,
+        /// Its file.
+        file: String,
+    },
+    /// A view that was not captured.
+    #[error("view {view} was not captured ({captured} views were); resume the session")]
+    NotCaptured {
+        /// The view's index.
+        view: usize,
+        /// Views captured.
+        captured: usize,
+    },
+    /// A stored file is not the one that was recorded.
+    #[error(
+        "{} has changed since it was recorded (SHA-256 {found}, recorded {recorded}); restore it from a backup",
+        path.display()
+    )]
+    Changed {
+        /// The file.
+        path: PathBuf,
+        /// The hash found.
+        found: String,
+        /// The hash recorded.
+        recorded: String,
+    },
+    /// A picture that cannot be used.
+    #[error("{file}: {fault}")]
+    Picture {
+        /// The file.
+        file: String,
+        /// What is wrong with it.
+        fault: super::picture::PictureFault,
+    },
+    /// A setting of an import that makes no sense.
+    #[error("{setting} is {value}; {remedy}")]
+    Setting {
+        /// The setting.
+        setting: &'static str,
+        /// Its value.
+        value: String,
+        /// The limit and what to do.
+        remedy: String,
+    },
+    /// No file matches an import's pattern.
+    #[error("no file in {} matches {pattern:?}; {there}; change the pattern", folder.display())]
+    NoMatch {
+        /// The folder.
+        folder: PathBuf,
+        /// The pattern.
+        pattern: String,
+        /// A few names that are there.
+        there: String,
+    },
+    /// A camera file that cannot be used.
+    #[error("camera file, line {line}: {reason}")]
+    Cameras {
+        /// Line number, from 1.
+        line: usize,
+        /// What is wrong with it, the limit and what to do.
+        reason: String,
+    },
+}
+
+impl SessionError {
+    /// Wraps the system's reason with the file and what was tried; a full disk becomes `DiskFull`.
+    pub(super) fn io<'a>(
+        action: &'static str,
+        path: &'a Path,
+        needed: u64,
+    ) -> impl FnOnce(std::io::Error) -> Self + use<'a> {
+        move |source| match source.kind() {
+            std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => Self::DiskFull {
+                path: path.to_owned(),
+                needed,
+                free: super::disk::free_bytes(path).unwrap_or(0),
+            },
+            _ => Self::Io { action, path: path.to_owned(), source },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_disk_is_told_with_bytes_and_remedy() {
+        let full = std::io::Error::from(std::io::ErrorKind::StorageFull);
+        let text = SessionError::io("write", Path::new("/tmp/x"), 1234)(full).to_string();
+        assert!(text.contains("1234 bytes needed") && text.contains("delete old sessions"), "{text}");
+    }
+}

@@ -1,0 +1,272 @@
+//! A session as it stands on the disk, read without changing it.
+
+use super::SessionError;
+use super::disk::{LOCK, sha256_hex};
+use super::event::{CapturedView, Event, Happening, ProductRecord};
+use super::journal::{Chain, Decoder};
+use super::manifest::{ArchivedFile, FORMAT_VERSION, Manifest};
+use super::name::check_name;
+use crate::rig::{Encoding, Frame};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+pub(super) const MANIFEST: &str = "manifest.json";
+pub(super) const JOURNAL: &str = "journal.jsonl";
+pub(super) const FRAMES: &str = "frames";
+pub(super) const PRODUCTS: &str = "products";
+
+/// How far a session has come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum State {
+    /// Created; nothing has happened yet.
+    Created,
+    /// A run began and has not ended: it goes on now, or the program was killed.
+    Interrupted,
+    /// Somebody stopped the run.
+    Aborted,
+    /// The run failed; the journal's last record says why.
+    Failed,
+    /// All views are captured; the products are not written yet.
+    Captured,
+    /// Everything is done.
+    Complete,
+}
+
+/// A session as it stands on the disk.
+#[derive(Debug, Clone)]
+pub struct Recording {
+    pub(super) folder: PathBuf,
+    pub(super) manifest: Manifest,
+    pub(super) events: Vec<Event>,
+    pub(super) views: BTreeMap<usize, CapturedView>,
+    pub(super) products: BTreeMap<String, ProductRecord>,
+    pub(super) chain: Chain,
+    pub(super) good_bytes: u64,
+    pub(super) torn_bytes: usize,
+}
+
+impl Recording {
+    /// Reads the session in a folder: manifest and journal, not the pictures. Nothing is changed, so that a
+    /// session may be read while it is written; a torn last line is left out.
+    ///
+    /// # Errors
+    /// [`SessionError`] where the folder is no session, or its manifest or journal is damaged.
+    pub fn read(folder: &Path) -> Result<Self, SessionError> {
+        let bytes = read_manifest(folder)?;
+        let mut it = Self {
+            folder: folder.to_owned(),
+            manifest: parse_manifest(folder, &bytes)?,
+            events: Vec::new(),
+            views: BTreeMap::new(),
+            products: BTreeMap::new(),
+            chain: Chain::new(&bytes),
+            good_bytes: 0,
+            torn_bytes: 0,
+        };
+        let path = folder.join(JOURNAL);
+        let mut file = match std::fs::File::open(&path) {
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+                return Err(SessionError::Journal {
+                    path,
+                    line: 0,
+                    reason: "the file is missing".to_owned(),
+                });
+            }
+            other => other.map_err(SessionError::io("open", &path, 0))?,
+        };
+        let mut decoder = Decoder::new(it.chain.clone());
+        let mut buffer = vec![0; 1 << 16];
+        loop {
+            let n = file.read(&mut buffer).map_err(SessionError::io("read", &path, 0))?;
+            decoder.push(&buffer[..n]);
+            while let Some(next) = decoder.next() {
+                let damage = |line, reason| SessionError::Journal { path: path.clone(), line, reason };
+                let record = next.map_err(|d| damage(d.line, d.reason))?;
+                let line = it.events.len() + 1;
+                it.check(&record.event.what).map_err(|reason| damage(line, reason))?;
+                it.take(record.event);
+            }
+            if n == 0 {
+                break;
+            }
+        }
+        (it.chain, it.good_bytes, it.torn_bytes) = decoder.finish();
+        Ok(it)
+    }
+
+    /// The reason why an event contradicts the plan or the events before it, where it does.
+    pub(super) fn check(&self, what: &Happening) -> Result<(), String> {
+        match what {
+            Happening::Captured { view, .. } => {
+                let planned = self.manifest.plan.views.get(view.view);
+                if planned.is_none_or(|p| p.role != view.role) {
+                    return Err(format!("the plan has no {:?} view {}", view.role, view.view));
+                }
+                if self.views.contains_key(&view.view) {
+                    return Err(format!("view {} is captured twice", view.view));
+                }
+                check_name("frame file", &view.file).map_err(|e| e.to_string())
+            }
+            Happening::Products { files, .. } => {
+                files.iter().try_for_each(|f| check_name("product file", &f.file)).map_err(|e| e.to_string())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Takes a checked event in.
+    pub(super) fn take(&mut self, event: Event) {
+        match &event.what {
+            Happening::Captured { view, .. } => {
+                self.views.insert(view.view, view.clone());
+            }
+            Happening::Products { files, .. } => {
+                self.products.extend(files.iter().map(|f| (f.file.clone(), f.clone())));
+            }
+            _ => {}
+        }
+        self.events.push(event);
+    }
+
+    /// The session's folder.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+    /// What the session was to be.
+    pub fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+    /// Everything that happened, in order.
+    pub fn events(&self) -> &[Event] {
+        &self.events
+    }
+    /// The views whose pictures are durable, by index.
+    pub fn views(&self) -> impl ExactSizeIterator<Item = &CapturedView> {
+        self.views.values()
+    }
+    /// One captured view.
+    pub fn view(&self, index: usize) -> Option<&CapturedView> {
+        self.views.get(&index)
+    }
+    /// The newest record of each product, by name.
+    pub fn products(&self) -> impl ExactSizeIterator<Item = &ProductRecord> {
+        self.products.values()
+    }
+    /// Bytes of a torn last line of the journal (0 where it ends well): a run was killed in mid-write.
+    pub fn torn_bytes(&self) -> usize {
+        self.torn_bytes
+    }
+
+    /// How far the session has come: what the last event that begins or ends something says.
+    pub fn state(&self) -> State {
+        let of = |e: &Event| match e.what {
+            Happening::Started { .. } | Happening::Captured { .. } | Happening::Homed => {
+                Some(State::Interrupted)
+            }
+            Happening::AcquisitionComplete { .. } => Some(State::Captured),
+            Happening::Aborted => Some(State::Aborted),
+            Happening::Failed { .. } => Some(State::Failed),
+            Happening::Complete { .. } => Some(State::Complete),
+            _ => None,
+        };
+        self.events.iter().rev().find_map(of).unwrap_or(State::Created)
+    }
+
+    /// The picture of a view, its hash checked against the journal.
+    ///
+    /// # Errors
+    /// [`SessionError`] where the view was not captured, or its file is missing or has changed.
+    pub fn frame(&self, view: usize) -> Result<Frame, SessionError> {
+        let record =
+            self.views.get(&view).ok_or(SessionError::NotCaptured { view, captured: self.views.len() })?;
+        read_checked(&self.folder.join(FRAMES).join(&record.file), &record.sha256)
+    }
+
+    /// The picture without the grain, its hash checked against the manifest; `None` where there is none.
+    ///
+    /// # Errors
+    /// [`SessionError`] where its file is missing or has changed.
+    pub fn background(&self) -> Result<Option<Frame>, SessionError> {
+        let read = |a: &ArchivedFile| read_checked(&self.folder.join(FRAMES).join(&a.file), &a.sha256);
+        self.manifest.background.as_ref().map(read).transpose()
+    }
+
+    /// Where a product lies, whether it is written yet or not.
+    ///
+    /// # Errors
+    /// [`SessionError::Name`] for a name that is no plain file name.
+    pub fn product_path(&self, file: &str) -> Result<PathBuf, SessionError> {
+        check_name("product file", file)?;
+        Ok(self.folder.join(PRODUCTS).join(file))
+    }
+}
+
+fn read_checked(path: &Path, recorded: &str) -> Result<Frame, SessionError> {
+    let bytes = std::fs::read(path).map_err(SessionError::io("read", path, 0))?;
+    let found = sha256_hex(&bytes);
+    if found != recorded {
+        return Err(SessionError::Changed { path: path.to_owned(), found, recorded: recorded.to_owned() });
+    }
+    let encoding = Encoding::sniff(&bytes).ok_or_else(|| SessionError::Picture {
+        file: path.display().to_string(),
+        fault: super::picture::PictureFault::unknown(&bytes),
+    })?;
+    Ok(Frame { bytes, encoding })
+}
+
+pub(super) fn read_manifest(folder: &Path) -> Result<Vec<u8>, SessionError> {
+    let path = folder.join(MANIFEST);
+    match std::fs::read(&path) {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+            if folder.join(LOCK).exists() {
+                return Err(SessionError::Manifest { path, reason: "the file is missing".to_owned() });
+            }
+            Err(SessionError::Absent { path: folder.to_owned() })
+        }
+        other => other.map_err(SessionError::io("read", &path, 0)),
+    }
+}
+
+#[derive(Deserialize)]
+struct Version {
+    format: u32,
+}
+
+fn parse_manifest(folder: &Path, bytes: &[u8]) -> Result<Manifest, SessionError> {
+    let fail = |reason| SessionError::Manifest { path: folder.join(MANIFEST), reason };
+    // The version first: a manifest of a later version may have other fields.
+    let version: Version = serde_json::from_slice(bytes).map_err(|e| fail(e.to_string()))?;
+    if version.format != FORMAT_VERSION {
+        return Err(fail(format!(
+            "its format version is {}, this program reads {FORMAT_VERSION}",
+            version.format
+        )));
+    }
+    let manifest: Manifest = serde_json::from_slice(bytes).map_err(|e| fail(e.to_string()))?;
+    check_manifest(&manifest).map_err(fail)?;
+    Ok(manifest)
+}
+
+/// What every manifest must be: it may come from another place, so no figure in it is trusted.
+pub(super) fn check_manifest(manifest: &Manifest) -> Result<(), String> {
+    check_name("session name", &manifest.name).map_err(|e| e.to_string())?;
+    if let Some(b) = &manifest.background {
+        check_name("background file", &b.file).map_err(|e| e.to_string())?;
+    }
+    let plan = &manifest.plan;
+    if plan.views.is_empty() {
+        return Err("its plan has no views".to_owned());
+    }
+    for (i, v) in plan.views.iter().enumerate() {
+        if v.index != i || !v.angle_deg.is_finite() {
+            return Err(format!("view {i} of its plan has index {} and angle {}°", v.index, v.angle_deg));
+        }
+    }
+    if !(plan.tolerance_deg.is_finite() && plan.tolerance_deg > 0.0) {
+        return Err(format!("its angle tolerance is {}°, it must be above 0", plan.tolerance_deg));
+    }
+    Ok(())
+}
