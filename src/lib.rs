@@ -3,6 +3,7 @@
 //! The rooms, from the top of the house to its foundation; a room imports only rooms below it, which
 //! `tests/layering.rs` proves. Lengths are mm, angles radians inside; see `ARCHITECTURE.md`.
 
+pub mod export;
 pub mod rig;
 pub mod session;
 // Below this line: pure computation. No files, clock, threads of its own, logging or async; rayon only.

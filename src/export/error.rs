@@ -1,0 +1,15 @@
+//! What can go wrong between a mesh and a file.
+
+/// Why a file was not written or not read.
+#[derive(Debug, thiserror::Error)]
+pub enum ExportError {
+    /// The destination did not take the bytes.
+    #[error("writing failed: {0}")]
+    Io(#[from] std::io::Error),
+    /// A value does not fit the format.
+    #[error("{0}")]
+    TooLarge(String),
+    /// The bytes are not an STL file.
+    #[error("this is not a usable STL file: {0}; export it again from where it comes from")]
+    Stl(String),
+}
