@@ -13,11 +13,11 @@ const TRIANGLE: usize = 50;
 /// in the header.
 ///
 /// # Errors
-/// [`ExportError::Io`], and [`ExportError::TooLarge`] for a coordinate beyond single precision or too many triangles
+/// [`ExportError::Io`], and [`ExportError::Unfit`] for a coordinate beyond single precision or too many triangles
 /// for the format's count.
 pub fn write(mesh: &TriangleMesh, mut out: impl Write) -> Result<(), ExportError> {
     let count = u32::try_from(mesh.triangles.len())
-        .map_err(|_| ExportError::TooLarge("more triangles than binary STL can count".to_owned()))?;
+        .map_err(|_| unfit(format!("{} triangles, more than 4294967295", mesh.triangles.len())))?;
     let mut header = [b' '; 80];
     let title = b"grainrig binary STL, unit mm";
     header[..title.len()].copy_from_slice(title);
@@ -31,8 +31,8 @@ pub fn write(mesh: &TriangleMesh, mut out: impl Write) -> Result<(), ExportError
             for x in v.iter() {
                 let single = *x as f32;
                 if !single.is_finite() {
-                    return Err(ExportError::TooLarge(format!(
-                        "triangle {t} has the coordinate {x} mm, which STL's single precision cannot hold"
+                    return Err(unfit(format!(
+                        "triangle {t} has the coordinate {x} mm, beyond the 3.4e38 of single precision"
                     )));
                 }
                 bytes.extend(single.to_le_bytes());
@@ -41,6 +41,10 @@ pub fn write(mesh: &TriangleMesh, mut out: impl Write) -> Result<(), ExportError
         bytes.extend([0, 0]);
     }
     Ok(out.write_all(&bytes)?)
+}
+
+fn unfit(what: String) -> ExportError {
+    ExportError::Unfit { format: "binary STL", what }
 }
 
 /// Reads binary or text STL from bytes; vertices with the same coordinates become one. The unit is the file's own.
@@ -170,7 +174,7 @@ mod tests {
     fn a_coordinate_too_large_for_the_format_is_refused() {
         let mut mesh = tetrahedron();
         mesh.vertices[0].x = 1e39;
-        assert!(matches!(write(&mesh, Vec::new()), Err(ExportError::TooLarge(_))));
+        assert!(matches!(write(&mesh, Vec::new()), Err(ExportError::Unfit { .. })));
     }
 
     proptest! {
