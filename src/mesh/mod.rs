@@ -1,1 +1,73 @@
 //! Tetrahedra and triangles for a body given by a function.
+//!
+//! Isosurface stuffing (Labelle and Shewchuk, ACM Trans. Graphics 26(3), 57, 2007): a body-centred cubic
+//! lattice is laid over the body, lattice points close to the surface are warped onto it, and the tetrahedra
+//! that the surface still crosses are cut by a short list of stencils. What the stencils leave is then improved
+//! by smoothing in which surface nodes stay on the surface ([`optimise`](self)). The three controls are
+//! promises: a mesh that breaks one is an error, not a result.
+
+mod controls;
+mod cut;
+mod error;
+mod lattice;
+mod optimise;
+mod pieces;
+mod quality;
+mod repair;
+mod score;
+mod solid;
+mod stencil;
+mod tetmesh;
+
+pub use controls::Controls;
+pub use error::MeshError;
+pub use quality::{Dihedral, Quality};
+pub use solid::Solid;
+pub use tetmesh::{FACES, Surface, TetFault, TetMesh};
+
+use crate::geometry::ImplicitBody;
+use lattice::Lattice;
+
+/// Attempts with a finer or shifted lattice before a promise is given up.
+const ATTEMPTS: usize = 5;
+
+/// Fills a body with tetrahedra.
+///
+/// Costs about 24 body values for each surface node and one for each lattice point in the body's box, all in
+/// parallel; the same body and controls give the same bytes on any number of threads. Of a body in several
+/// pieces the largest is kept; [`TetMesh::dropped_pieces`] says how many were not. `progress` is called with
+/// the part done, from 0 to 1, never falling.
+///
+/// # Errors
+/// [`MeshError`]: bad controls, a body that is empty, not finite or larger than its own box, a size that would
+/// need too many tetrahedra, or a control that no attempt could keep.
+pub fn mesh(
+    body: &dyn ImplicitBody,
+    controls: &Controls,
+    progress: &mut dyn FnMut(f64),
+) -> Result<TetMesh, MeshError> {
+    controls.check()?;
+    let mut spacing = controls.spacing_mm();
+    let mut last = None;
+    for attempt in 0..ATTEMPTS {
+        let part = |f: f64| (attempt as f64 + f) / ATTEMPTS as f64;
+        let lattice = Lattice::over(&body.bounds(), spacing, attempt)?;
+        progress(part(0.0));
+        let field = cut::Field::sample(body, lattice)?;
+        progress(part(0.3));
+        let filled = repair::fill(body, &field)?;
+        progress(part(0.5));
+        let mut mesh = pieces::largest(filled);
+        optimise::improve(body, controls, spacing, &mut mesh);
+        mesh.check()?;
+        let quality = mesh.quality();
+        let Some(broken) = controls.broken_by(&quality) else {
+            progress(1.0);
+            return Ok(mesh);
+        };
+        spacing *= broken.refinement();
+        last = Some(broken);
+    }
+    // The loop ran, so a promise was broken.
+    Err(last.map_or(MeshError::Empty { spacing_mm: spacing }, MeshError::Promise))
+}

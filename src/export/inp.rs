@@ -1,0 +1,220 @@
+//! Abaqus input decks: the grain's nodes, elements, sets and surfaces, for a deck that includes them.
+//!
+//! Read by Abaqus and `CalculiX`. Lengths are mm; with forces in N, stresses in MPa, masses in tonne and times in s a
+//! deck is consistent. Node and element ids start at 1. Lines have at most 80 characters, all ASCII.
+//!
+//! | name | what |
+//! | --- | --- |
+//! | `GRAIN` | element set: all elements (C3D4) |
+//! | `GRAIN_NODES` | node set: all nodes |
+//! | `GRAIN_SURFACE_NODES` | node set: nodes on the surface |
+//! | `GRAIN_SURFACE` | surface: all outer faces |
+//! | `TOP`, `BOTTOM` | node sets: surface nodes within one band of the highest, of the lowest node |
+//! | `TOP_SURFACE`, `BOTTOM_SURFACE` | surfaces: outer faces with at least one node in the set |
+
+use super::ExportError;
+use crate::mesh::{Surface, TetMesh};
+use std::fmt::Display;
+use std::io::Write;
+
+/// The longest line, in characters: Abaqus takes 256, `CalculiX` 132, older pre-processors 80.
+const LINE: usize = 80;
+
+/// Writes a grain's part of a deck. `provenance` lines (where the mesh comes from) become comments, cut into lines;
+/// characters outside ASCII become `?`. `band_mm` is how far from the highest and lowest node the sets `TOP` and
+/// `BOTTOM` reach, usually one surface size.
+///
+/// # Errors
+/// [`ExportError::Io`]; [`ExportError::Unfit`] for a mesh without elements, a coordinate or band that is not finite,
+/// or a band that is negative.
+pub fn write(
+    mesh: &TetMesh,
+    provenance: &[String],
+    band_mm: f64,
+    mut out: impl Write,
+) -> Result<(), ExportError> {
+    let unfit = |what: String| Err(ExportError::Unfit { format: "an Abaqus deck", what });
+    if mesh.tets.is_empty() {
+        return unfit("the mesh has no element".to_owned());
+    }
+    if !(band_mm.is_finite() && band_mm >= 0.0) {
+        return unfit(format!("the band of TOP and BOTTOM is {band_mm} mm, not zero or more"));
+    }
+    if let Some(i) = mesh.nodes.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
+        return unfit(format!("node {} is at {:?}, not finite", i + 1, mesh.nodes[i]));
+    }
+    let surface = mesh.surface();
+    writeln!(out, "*HEADING")?;
+    writeln!(
+        out,
+        "A grain, {} nodes, {} elements; units mm, N, MPa, tonne, s",
+        mesh.nodes.len(),
+        mesh.tets.len()
+    )?;
+    for line in provenance {
+        comment(&mut out, line)?;
+    }
+    writeln!(out, "*NODE, NSET=GRAIN_NODES")?;
+    for (i, p) in mesh.nodes.iter().enumerate() {
+        writeln!(out, "{}, {:.9e}, {:.9e}, {:.9e}", i + 1, p.x, p.y, p.z)?;
+    }
+    writeln!(out, "*ELEMENT, TYPE=C3D4, ELSET=GRAIN")?;
+    for (i, t) in mesh.tets.iter().enumerate() {
+        let [a, b, c, d] = t.map(|n| n + 1);
+        writeln!(out, "{}, {a}, {b}, {c}, {d}", i + 1)?;
+    }
+    node_set(&mut out, "GRAIN_SURFACE_NODES", surface.nodes.iter().copied())?;
+    faces(&mut out, "GRAIN_SURFACE", surface.faces.iter().copied())?;
+    let heights = surface.nodes.iter().map(|&n| mesh.nodes[n as usize].z);
+    let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), z| (l.min(z), h.max(z)));
+    band(&mut out, &surface, "TOP", |n| mesh.nodes[n as usize].z >= high - band_mm)?;
+    band(&mut out, &surface, "BOTTOM", |n| mesh.nodes[n as usize].z <= low + band_mm)?;
+    Ok(out.flush()?)
+}
+
+/// A node set of the surface nodes that are `within`, and the surface of their faces.
+fn band(
+    out: &mut impl Write,
+    surface: &Surface,
+    name: &str,
+    within: impl Fn(u32) -> bool,
+) -> std::io::Result<()> {
+    node_set(out, name, surface.nodes.iter().copied().filter(|&n| within(n)))?;
+    let triangles = surface.triangles.triangles.iter();
+    let near =
+        triangles.zip(&surface.faces).filter(|(t, _)| t.iter().any(|&v| within(surface.nodes[v as usize])));
+    faces(out, &format!("{name}_SURFACE"), near.map(|(_, f)| *f))
+}
+
+fn node_set(out: &mut impl Write, name: &str, nodes: impl Iterator<Item = u32>) -> std::io::Result<()> {
+    writeln!(out, "*NSET, NSET={name}")?;
+    list(out, nodes.map(|n| n + 1))
+}
+
+/// Numbers separated by commas, as many a line as fit, at most the format's sixteen.
+fn list(out: &mut impl Write, items: impl Iterator<Item = impl Display>) -> std::io::Result<()> {
+    let mut line = String::new();
+    let mut on_line = 0;
+    for item in items {
+        let item = item.to_string();
+        if on_line == 16 || line.len() + 2 + item.len() > LINE {
+            writeln!(out, "{line}")?;
+            line.clear();
+            on_line = 0;
+        }
+        if on_line > 0 {
+            line += ", ";
+        }
+        line += &item;
+        on_line += 1;
+    }
+    writeln!(out, "{line}")
+}
+
+/// Faces by element and side; [`crate::mesh::FACES`] has the sides in the order S1 to S4.
+fn faces(out: &mut impl Write, name: &str, faces: impl Iterator<Item = (u32, u8)>) -> std::io::Result<()> {
+    writeln!(out, "*SURFACE, TYPE=ELEMENT, NAME={name}")?;
+    for (tet, face) in faces {
+        writeln!(out, "{}, S{}", tet + 1, face + 1)?;
+    }
+    Ok(())
+}
+
+/// A comment of as many lines as it needs.
+fn comment(out: &mut impl Write, text: &str) -> std::io::Result<()> {
+    let clean: Vec<char> =
+        text.chars().map(|c| if c == ' ' || c.is_ascii_graphic() { c } else { '?' }).collect();
+    for part in clean.chunks(LINE - 3) {
+        writeln!(out, "** {}", part.iter().collect::<String>().trim_end())?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Point;
+
+    fn text(provenance: &[String], band_mm: f64) -> String {
+        let nodes =
+            [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.], [1., 1., 1.]].map(Point::from).to_vec();
+        let mesh = TetMesh::new(nodes, vec![[0, 1, 2, 3], [1, 2, 3, 4]]);
+        let mut bytes = Vec::new();
+        write(&mesh, provenance, band_mm, &mut bytes).unwrap();
+        String::from_utf8(bytes).unwrap()
+    }
+
+    #[test]
+    fn two_elements_make_a_deck_known_by_hand() {
+        let expected = "\
+*HEADING
+A grain, 5 nodes, 2 elements; units mm, N, MPa, tonne, s
+** made by hand
+*NODE, NSET=GRAIN_NODES
+1, 0.000000000e0, 0.000000000e0, 0.000000000e0
+2, 1.000000000e0, 0.000000000e0, 0.000000000e0
+3, 0.000000000e0, 1.000000000e0, 0.000000000e0
+4, 0.000000000e0, 0.000000000e0, 1.000000000e0
+5, 1.000000000e0, 1.000000000e0, 1.000000000e0
+*ELEMENT, TYPE=C3D4, ELSET=GRAIN
+1, 1, 2, 3, 4
+2, 2, 3, 4, 5
+*NSET, NSET=GRAIN_SURFACE_NODES
+1, 2, 3, 4, 5
+*SURFACE, TYPE=ELEMENT, NAME=GRAIN_SURFACE
+1, S1
+1, S2
+1, S4
+2, S2
+2, S3
+2, S4
+*NSET, NSET=TOP
+4, 5
+*SURFACE, TYPE=ELEMENT, NAME=TOP_SURFACE
+1, S2
+1, S4
+2, S2
+2, S3
+2, S4
+*NSET, NSET=BOTTOM
+1, 2, 3
+*SURFACE, TYPE=ELEMENT, NAME=BOTTOM_SURFACE
+1, S1
+1, S2
+1, S4
+2, S2
+2, S3
+2, S4
+";
+        assert_eq!(text(&["made by hand".to_owned()], 0.1), expected);
+    }
+
+    #[test]
+    fn no_provenance_can_break_a_line_or_make_a_keyword() {
+        let nasty = ["*STEP\n*END STEP".to_owned(), "7.2° ".repeat(60), String::new()];
+        let deck = text(&nasty, 0.1);
+        assert!(deck.is_ascii() && deck.lines().all(|l| l.len() <= 80));
+        assert!(!deck.lines().any(|l| l.starts_with("*STEP") || l.starts_with("*END")));
+        assert!(deck.contains("** *STEP?*END STEP\n"));
+    }
+
+    #[test]
+    fn lists_break_before_eighty_characters() {
+        let mut bytes = Vec::new();
+        list(&mut bytes, 19_999_990..20_000_010).unwrap();
+        let text = String::from_utf8(bytes).unwrap();
+        assert!(text.lines().all(|l| l.len() <= 80 && !l.ends_with([',', ' '])), "{text}");
+        let mut bytes = Vec::new();
+        list(&mut bytes, 0..40).unwrap();
+        assert!(String::from_utf8(bytes).unwrap().lines().all(|l| l.split(',').count() <= 16));
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused() {
+        let point = |x: f64| Point::new(x, 0.0, 0.0);
+        let mesh = |x| TetMesh::new(vec![point(0.0), point(x), point(1.0), point(2.0)], vec![[0, 1, 2, 3]]);
+        assert!(matches!(write(&TetMesh::default(), &[], 0.1, Vec::new()), Err(ExportError::Unfit { .. })));
+        assert!(matches!(write(&mesh(f64::NAN), &[], 0.1, Vec::new()), Err(ExportError::Unfit { .. })));
+        assert!(matches!(write(&mesh(1.0), &[], -0.1, Vec::new()), Err(ExportError::Unfit { .. })));
+    }
+}

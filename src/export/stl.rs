@@ -1,0 +1,195 @@
+//! STL: triangles without shared vertices, in binary or text.
+
+use super::ExportError;
+use crate::geometry::{Point, TriangleMesh};
+use std::collections::HashMap;
+use std::io::{Cursor, Write};
+
+/// Bytes before the first triangle, and of a triangle, in binary STL.
+const HEADER: usize = 84;
+const TRIANGLE: usize = 50;
+
+/// Writes binary STL. Coordinates are rounded to single precision, as the format has no other; the unit, mm, is said
+/// in the header.
+///
+/// # Errors
+/// [`ExportError::Io`], and [`ExportError::Unfit`] for a coordinate beyond single precision or too many triangles
+/// for the format's count.
+pub fn write(mesh: &TriangleMesh, mut out: impl Write) -> Result<(), ExportError> {
+    let count = u32::try_from(mesh.triangles.len())
+        .map_err(|_| unfit(format!("{} triangles, more than 4294967295", mesh.triangles.len())))?;
+    let mut header = [b' '; 80];
+    let title = b"grainrig binary STL, unit mm";
+    header[..title.len()].copy_from_slice(title);
+    let mut bytes = Vec::with_capacity(HEADER + TRIANGLE * mesh.triangles.len());
+    bytes.extend(header);
+    bytes.extend(count.to_le_bytes());
+    for t in 0..mesh.triangles.len() {
+        let [a, b, c] = mesh.corners(t);
+        let normal = (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_default();
+        for v in [normal, a.coords, b.coords, c.coords] {
+            for x in v.iter() {
+                let single = *x as f32;
+                if !single.is_finite() {
+                    return Err(unfit(format!(
+                        "triangle {t} has the coordinate {x} mm, beyond the 3.4e38 of single precision"
+                    )));
+                }
+                bytes.extend(single.to_le_bytes());
+            }
+        }
+        bytes.extend([0, 0]);
+    }
+    Ok(out.write_all(&bytes)?)
+}
+
+fn unfit(what: String) -> ExportError {
+    ExportError::Unfit { format: "binary STL", what }
+}
+
+/// Reads binary or text STL from bytes; vertices with the same coordinates become one. The unit is the file's own.
+///
+/// Whether the triangles bound a body is for [`TriangleMesh::check`] to say.
+///
+/// # Errors
+/// [`ExportError::Stl`] where the bytes are not STL: too short for the triangles they announce, text that does not
+/// parse, no triangle, a coordinate that is not finite, or a triangle of no extent.
+pub fn read(bytes: &[u8]) -> Result<TriangleMesh, ExportError> {
+    let bad = |what: String| Err(ExportError::Stl(what));
+    if let Some(announced) = announced_triangles(bytes) {
+        let present = (bytes.len() - HEADER) / TRIANGLE;
+        if announced > present {
+            return bad(format!(
+                "its header announces {announced} triangles, but its {} bytes hold {present}: it is cut short",
+                bytes.len()
+            ));
+        }
+    }
+    let mut cursor = Cursor::new(bytes);
+    let reader = stl_io::create_stl_reader(&mut cursor).map_err(|e| ExportError::Stl(e.to_string()))?;
+    let mut mesh = TriangleMesh::default();
+    let mut numbers: HashMap<[u32; 3], u32> = HashMap::new();
+    for (i, triangle) in reader.enumerate() {
+        let triangle = triangle.map_err(|e| ExportError::Stl(format!("triangle {i}: {e}")))?;
+        let mut corners = [0; 3];
+        for (corner, vertex) in corners.iter_mut().zip(triangle.vertices) {
+            // Adding zero makes -0 and +0 the same vertex.
+            let xyz = vertex.0.map(|x| x + 0.0);
+            if xyz.iter().any(|x| !x.is_finite()) {
+                return bad(format!("triangle {i} has a coordinate that is not a finite number: {xyz:?}"));
+            }
+            let next = mesh.vertices.len() as u32;
+            *corner = *numbers.entry(xyz.map(f32::to_bits)).or_insert(next);
+            if *corner == next {
+                mesh.vertices.push(Point::from(xyz.map(f64::from)));
+            }
+        }
+        let [a, b, c] = corners;
+        if a == b || b == c || c == a {
+            return bad(format!("triangle {i} has two equal corners"));
+        }
+        mesh.triangles.push(corners);
+    }
+    if mesh.triangles.is_empty() {
+        return bad("it has no triangle".to_owned());
+    }
+    Ok(mesh)
+}
+
+/// The triangle count of a binary file; `None` for text.
+fn announced_triangles(bytes: &[u8]) -> Option<usize> {
+    // Some programs write binary files that begin with `solid` too: those have exactly the announced length.
+    let count = bytes.get(80..HEADER)?;
+    let count = u32::from_le_bytes([count[0], count[1], count[2], count[3]]) as usize;
+    let is_text = bytes.starts_with(b"solid") && bytes.len() != HEADER + TRIANGLE * count;
+    (!is_text).then_some(count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn tetrahedron() -> TriangleMesh {
+        TriangleMesh {
+            vertices: [[0., 0., 0.], [0., 1., 0.], [1., 0., 0.], [0., 0., 1.]].map(Point::from).to_vec(),
+            triangles: vec![[0, 1, 2], [0, 2, 3], [2, 1, 3], [1, 0, 3]],
+        }
+    }
+
+    fn written() -> Vec<u8> {
+        let mut bytes = Vec::new();
+        write(&tetrahedron(), &mut bytes).unwrap();
+        bytes
+    }
+
+    #[test]
+    fn what_is_written_is_read_again() {
+        let bytes = written();
+        assert_eq!(bytes.len(), 84 + 4 * 50);
+        assert_eq!(read(&bytes).unwrap(), tetrahedron());
+        assert_eq!(tetrahedron().check(), Ok(()));
+    }
+
+    #[test]
+    fn text_is_read_too() {
+        let mut text = String::from("solid grain\n");
+        let mesh = tetrahedron();
+        for t in 0..4 {
+            text += "facet normal 0 0 0\nouter loop\n";
+            for p in mesh.corners(t) {
+                text += &format!("vertex {} {} {}\n", p.x, p.y, p.z);
+            }
+            text += "endloop\nendfacet\n";
+        }
+        text += "endsolid grain\n";
+        assert_eq!(read(text.as_bytes()).unwrap(), mesh);
+        let broken = text.replace("vertex 0 1 0", "vertex 0 1");
+        assert!(matches!(read(broken.as_bytes()), Err(ExportError::Stl(_))));
+    }
+
+    #[test]
+    fn bad_files_are_refused_with_a_reason() {
+        let says = |bytes: &[u8], what: &str| {
+            let e = read(bytes).unwrap_err().to_string();
+            assert!(e.contains(what), "{e}");
+        };
+        says(&written()[..200], "cut short");
+        let mut absurd = written();
+        absurd[80..84].copy_from_slice(&u32::MAX.to_le_bytes());
+        says(&absurd, "4294967295");
+        let mut nan = written();
+        nan[84 + 12..84 + 16].copy_from_slice(&f32::NAN.to_le_bytes());
+        says(&nan, "not a finite");
+        let mut none = written();
+        none[80..84].copy_from_slice(&0u32.to_le_bytes());
+        none.truncate(84);
+        says(&none, "no triangle");
+        assert!(read(b"").is_err());
+        assert!(read(b"solid").is_err());
+        says(b"solid nothing\nendsolid nothing\n", "");
+    }
+
+    #[test]
+    fn a_coordinate_too_large_for_the_format_is_refused() {
+        let mut mesh = tetrahedron();
+        mesh.vertices[0].x = 1e39;
+        assert!(matches!(write(&mesh, Vec::new()), Err(ExportError::Unfit { .. })));
+    }
+
+    proptest! {
+        #[test]
+        fn no_bytes_make_it_panic(bytes in proptest::collection::vec(any::<u8>(), 0..400), solid: bool) {
+            let mut all = if solid { b"solid a\n".to_vec() } else { Vec::new() };
+            all.extend(bytes);
+            let _ = read(&all);
+        }
+        #[test]
+        fn no_damage_makes_it_panic(at in 0usize..284, to: u8, keep in 0usize..284) {
+            let mut bytes = written();
+            bytes[at] = to;
+            bytes.truncate(keep);
+            let _ = read(&bytes);
+        }
+    }
+}

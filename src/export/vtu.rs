@@ -1,0 +1,147 @@
+//! VTK's XML unstructured grid (`.vtu`): the tetrahedra and figures on their nodes and cells, for `ParaView`.
+
+use super::ExportError;
+use crate::mesh::TetMesh;
+use std::io::Write;
+
+/// VTK's number for a tetrahedron of four nodes, which numbers them as [`TetMesh`] does.
+const VTK_TETRA: u8 = 10;
+
+/// A figure for each node or each cell, of one component or three.
+#[derive(Debug, Clone, Copy)]
+pub struct Column<'a> {
+    /// Its name, with its unit, for instance `stress_zz_mpa`.
+    pub name: &'a str,
+    /// Values that belong to one node or cell; three make a vector.
+    pub components: usize,
+    /// The values, node by node or cell by cell.
+    pub values: &'a [f64],
+}
+
+/// Writes the mesh with figures on its nodes and cells. Arrays are exact (64 bits, little endian, base64).
+///
+/// # Errors
+/// [`ExportError::Io`]; [`ExportError::Unfit`] where a column has no component or not one value for each component
+/// of each node or cell.
+pub fn write(
+    mesh: &TetMesh,
+    on_nodes: &[Column],
+    on_cells: &[Column],
+    mut out: impl Write,
+) -> Result<(), ExportError> {
+    let (nodes, cells) = (mesh.nodes.len(), mesh.tets.len());
+    for (columns, count, what) in [(on_nodes, nodes, "nodes"), (on_cells, cells, "cells")] {
+        for c in columns {
+            if c.components == 0 || c.values.len() != c.components * count {
+                let what = format!(
+                    "column {} has {} values for {count} {what} of {} components",
+                    c.name,
+                    c.values.len(),
+                    c.components
+                );
+                return Err(ExportError::Unfit { format: "a VTK grid", what });
+            }
+        }
+    }
+    writeln!(out, "<?xml version=\"1.0\"?>")?;
+    writeln!(
+        out,
+        "<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">"
+    )?;
+    writeln!(out, "<UnstructuredGrid>")?;
+    writeln!(out, "<Piece NumberOfPoints=\"{nodes}\" NumberOfCells=\"{cells}\">")?;
+    writeln!(out, "<Points>")?;
+    let places = mesh.nodes.iter().flat_map(|p| [p.x, p.y, p.z]).flat_map(f64::to_le_bytes);
+    array(&mut out, "Float64", "Points", 3, places)?;
+    writeln!(out, "</Points>\n<Cells>")?;
+    let connectivity = mesh.tets.iter().flatten().flat_map(|n| i64::from(*n).to_le_bytes());
+    array(&mut out, "Int64", "connectivity", 1, connectivity)?;
+    array(&mut out, "Int64", "offsets", 1, (1..=cells as i64).flat_map(|i| (4 * i).to_le_bytes()))?;
+    array(&mut out, "UInt8", "types", 1, std::iter::repeat_n(VTK_TETRA, cells))?;
+    writeln!(out, "</Cells>")?;
+    for (tag, columns) in [("PointData", on_nodes), ("CellData", on_cells)] {
+        writeln!(out, "<{tag}>")?;
+        for c in columns {
+            let bytes = c.values.iter().flat_map(|x| x.to_le_bytes());
+            array(&mut out, "Float64", c.name, c.components, bytes)?;
+        }
+        writeln!(out, "</{tag}>")?;
+    }
+    writeln!(out, "</Piece>\n</UnstructuredGrid>\n</VTKFile>")?;
+    Ok(out.flush()?)
+}
+
+/// One array: the length of its bytes (64 bits), then the bytes, in one run of base64.
+fn array(
+    out: &mut impl Write,
+    kind: &str,
+    name: &str,
+    components: usize,
+    bytes: impl Iterator<Item = u8>,
+) -> std::io::Result<()> {
+    let name = name.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;");
+    writeln!(
+        out,
+        "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{components}\" format=\"binary\">"
+    )?;
+    let bytes: Vec<u8> = bytes.collect();
+    let mut all = (bytes.len() as u64).to_le_bytes().to_vec();
+    all.extend(bytes);
+    out.write_all(&base64(&all))?;
+    writeln!(out, "\n</DataArray>")
+}
+
+/// RFC 4648, section 4.
+fn base64(bytes: &[u8]) -> Vec<u8> {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut out = Vec::with_capacity(bytes.len().div_ceil(3) * 4);
+    for three in bytes.chunks(3) {
+        let bits = (0..3).fold(0u32, |b, i| b << 8 | u32::from(three.get(i).copied().unwrap_or(0)));
+        for i in 0..4 {
+            let digit = DIGITS[(bits >> (18 - 6 * i) & 63) as usize];
+            out.push(if i <= three.len() { digit } else { b'=' });
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Point;
+
+    #[test]
+    fn base64_gives_the_standard_s_own_examples() {
+        for (plain, coded) in [
+            ("", ""),
+            ("f", "Zg=="),
+            ("fo", "Zm8="),
+            ("foo", "Zm9v"),
+            ("foob", "Zm9vYg=="),
+            ("fooba", "Zm9vYmE="),
+            ("foobar", "Zm9vYmFy"),
+        ] {
+            assert_eq!(base64(plain.as_bytes()), coded.as_bytes());
+        }
+    }
+
+    #[test]
+    fn a_grid_has_its_arrays_and_names() {
+        let nodes = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.]].map(Point::from).to_vec();
+        let mesh = TetMesh::new(nodes, vec![[0, 1, 2, 3]]);
+        let column = |name, values| Column { name, components: 1, values };
+        let mut bytes = Vec::new();
+        write(&mesh, &[column("a<b", &[1.0; 4])], &[column("volume_mm3", &[1.0])], &mut bytes).unwrap();
+        let text = String::from_utf8(bytes).unwrap();
+        // Eight bytes of length (1), then the cell type 10.
+        assert!(
+            text.contains("Name=\"types\" NumberOfComponents=\"1\" format=\"binary\">\nAQAAAAAAAAAK\n"),
+            "{text}"
+        );
+        assert!(
+            text.contains("Name=\"a&lt;b\"") && text.contains("NumberOfPoints=\"4\" NumberOfCells=\"1\"")
+        );
+        let short = write(&mesh, &[column("a", &[1.0; 3])], &[], Vec::new()).unwrap_err().to_string();
+        assert!(short.contains("3 values for 4 nodes"), "{short}");
+    }
+}

@@ -1,0 +1,154 @@
+//! The three controls of a mesh, which are promises.
+
+use super::{MeshError, Quality};
+use serde::{Deserialize, Serialize};
+
+/// Lattice spacing over surface size: measured on spheres and grains, the largest circumradius of a surface facet
+/// is 0.62 spacings after smoothing.
+const SPACING_PER_SIZE: f64 = 1.45;
+/// Cubed lattice spacing over largest tetrahedron: a lattice tetrahedron has a³/12; warping and smoothing stretch
+/// some, measured to a³/6.
+const CUBES_PER_TET: f64 = 6.0;
+/// Above this a facet angle cannot be promised by this mesher on any body.
+const MOST_FACET_ANGLE_DEG: f64 = 30.0;
+
+/// What the mesh must keep; each is checked on the finished mesh.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Controls {
+    /// Largest circumradius of a surface facet, mm.
+    pub surface_size_mm: f64,
+    /// Smallest angle in a surface facet, degrees; at most 30.
+    pub facet_angle_deg: f64,
+    /// Largest volume of a tetrahedron, mm³.
+    pub tet_volume_mm3: f64,
+}
+
+/// A control that the mesh does not keep.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error(
+    "{name} = {promised:.4} {unit} could not be kept: the best mesh has {reached:.4} {unit} ({what}); {remedy}"
+)]
+pub struct Broken {
+    /// The control.
+    pub name: &'static str,
+    /// What was asked for.
+    pub promised: f64,
+    /// What the mesh has.
+    pub reached: f64,
+    /// The unit of both.
+    pub unit: &'static str,
+    /// What was measured.
+    pub what: &'static str,
+    /// What to change.
+    pub remedy: &'static str,
+}
+
+impl Broken {
+    /// By how much to change the lattice spacing for the next attempt.
+    pub(super) fn refinement(&self) -> f64 {
+        match self.name {
+            "facet_angle_deg" => 0.97,
+            "tet_volume_mm3" => 0.98 * (self.promised / self.reached).cbrt(),
+            _ => 0.98 * self.promised / self.reached,
+        }
+    }
+}
+
+impl Controls {
+    /// Controls that give about 50 000 tetrahedra to a compact grain (one that fills half of the cube on its
+    /// diameter) of this diameter in mm.
+    pub fn for_size(diameter_mm: f64) -> Self {
+        let spacing = 0.0493 * diameter_mm;
+        Self {
+            surface_size_mm: spacing / SPACING_PER_SIZE,
+            facet_angle_deg: 15.0,
+            tet_volume_mm3: spacing.powi(3) / CUBES_PER_TET,
+        }
+    }
+
+    /// Whether the controls can be kept at all.
+    ///
+    /// # Errors
+    /// [`MeshError::Control`] for a value that is not finite, not positive, or an angle above 30°.
+    pub fn check(&self) -> Result<(), MeshError> {
+        let positive = |x: f64| x.is_finite() && x > 0.0;
+        let bad =
+            |name, value, unit, limit, remedy| Err(MeshError::Control { name, value, unit, limit, remedy });
+        if !positive(self.surface_size_mm) {
+            let remedy = "a fortieth of the grain's diameter is usual";
+            return bad("surface_size_mm", self.surface_size_mm, "mm", "positive and finite", remedy);
+        }
+        if !positive(self.tet_volume_mm3) {
+            let remedy = "half the cube of surface_size_mm is usual";
+            return bad("tet_volume_mm3", self.tet_volume_mm3, "mm³", "positive and finite", remedy);
+        }
+        if !positive(self.facet_angle_deg) || self.facet_angle_deg > MOST_FACET_ANGLE_DEG {
+            let remedy = "15° is reached on most grains";
+            return bad("facet_angle_deg", self.facet_angle_deg, "°", "above 0° and at most 30°", remedy);
+        }
+        Ok(())
+    }
+
+    /// The lattice spacing (the edge of the cubes) that should keep both sizes, mm.
+    pub(super) fn spacing_mm(&self) -> f64 {
+        (SPACING_PER_SIZE * self.surface_size_mm).min((CUBES_PER_TET * self.tet_volume_mm3).cbrt())
+    }
+
+    /// The first control that a mesh of this quality breaks.
+    pub(super) fn broken_by(&self, quality: &Quality) -> Option<Broken> {
+        if quality.facet_circumradius_mm > self.surface_size_mm {
+            return Some(Broken {
+                name: "surface_size_mm",
+                promised: self.surface_size_mm,
+                reached: quality.facet_circumradius_mm,
+                unit: "mm",
+                what: "largest facet circumradius",
+                remedy: "set it larger",
+            });
+        }
+        if quality.tet_volume_mm3 > self.tet_volume_mm3 {
+            return Some(Broken {
+                name: "tet_volume_mm3",
+                promised: self.tet_volume_mm3,
+                reached: quality.tet_volume_mm3,
+                unit: "mm³",
+                what: "largest tetrahedron",
+                remedy: "set it larger",
+            });
+        }
+        (quality.facet_angle_deg < self.facet_angle_deg).then_some(Broken {
+            name: "facet_angle_deg",
+            promised: self.facet_angle_deg,
+            reached: quality.facet_angle_deg,
+            unit: "°",
+            what: "smallest facet angle",
+            remedy: "set it smaller, or surface_size_mm smaller so that the surface's features are resolved",
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bad_controls_are_refused_with_their_limit() {
+        let good = Controls::for_size(1.0);
+        assert_eq!(good.check(), Ok(()));
+        for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(Controls { surface_size_mm: bad, ..good }.check().is_err());
+            assert!(Controls { tet_volume_mm3: bad, ..good }.check().is_err());
+            assert!(Controls { facet_angle_deg: bad, ..good }.check().is_err());
+        }
+        let e = Controls { facet_angle_deg: 31.0, ..good }.check().unwrap_err().to_string();
+        assert!(e.contains("31 °") && e.contains("at most 30°") && e.contains("15°"), "{e}");
+    }
+
+    #[test]
+    fn a_misspelt_control_is_refused() {
+        let text = "surface_size_mm = 0.1\nfacet_angle_deg = 15\ntet_volume_mm3 = 1e-4\n";
+        assert!(toml::from_str::<Controls>(text).is_ok());
+        assert!(toml::from_str::<Controls>(&format!("{text}facet_size = 1\n")).is_err());
+    }
+}

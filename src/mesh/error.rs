@@ -1,0 +1,69 @@
+//! What can go wrong between a body and its mesh.
+
+use super::{TetFault, controls::Broken};
+use crate::geometry::{MeshFault, Point};
+
+/// Why there is no mesh.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum MeshError {
+    /// A control has a value that no mesh can keep.
+    #[error("{name} is {value} {unit}, but it must be {limit}; {remedy}")]
+    Control {
+        /// The control.
+        name: &'static str,
+        /// What it was set to.
+        value: f64,
+        /// Its unit.
+        unit: &'static str,
+        /// What it may be.
+        limit: &'static str,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// The controls ask for more tetrahedra than a computer of a laboratory holds.
+    #[error(
+        "the controls ask for a lattice of {spacing_mm:.3e} mm and about {estimate:.2e} tetrahedra, more than {limit:.0e}; \
+         set surface_size_mm or tet_volume_mm3 larger, for instance {remedy_mm:.3e} mm"
+    )]
+    TooMany {
+        /// The lattice spacing that the controls ask for, mm.
+        spacing_mm: f64,
+        /// Tetrahedra expected.
+        estimate: f64,
+        /// The most that are allowed.
+        limit: f64,
+        /// A surface size that would be allowed, mm.
+        remedy_mm: f64,
+    },
+    /// The body's box is not a box: a size is zero, negative or not finite.
+    #[error(
+        "the body's box measures {0:?} mm; each edge must be positive and finite, so check where the body comes from"
+    )]
+    Box([f64; 3]),
+    /// No lattice point lies inside.
+    #[error(
+        "no point of a lattice of {spacing_mm:.3e} mm lies inside the body: it is empty or thinner than that; \
+         set surface_size_mm smaller"
+    )]
+    Empty {
+        /// The lattice spacing, mm.
+        spacing_mm: f64,
+    },
+    /// The body goes on beyond the box that it says holds it.
+    #[error("the body still reaches {0:.6?}, which is outside its own box: its bounds() is wrong")]
+    Unbounded(Point),
+    /// The body has no value somewhere.
+    #[error("the body's value at {0:.6?} is {1}, not a finite number of mm")]
+    NotFinite(Point, f64),
+    /// A control could not be kept.
+    #[error(transparent)]
+    Promise(#[from] Broken),
+    /// The mesh is not one: our own fault, found before anybody used it.
+    #[error(
+        "the mesher made a bad mesh ({0}); move the body a little or change surface_size_mm, and report it"
+    )]
+    Fault(#[from] TetFault),
+    /// The surface that should bound a solid does not.
+    #[error("the surface does not bound a solid: {0}; close it (fill holes, join vertices) first")]
+    Open(#[from] MeshFault),
+}

@@ -1,0 +1,103 @@
+//! The decks that are written run in CalculiX and give the forces that mechanics gives.
+
+use grainrig::export::inp;
+use grainrig::geometry::{Ball, Point};
+use grainrig::mesh::{Controls, TetMesh, mesh};
+use std::fs;
+use std::io::BufWriter;
+use std::path::Path;
+use std::process::Command;
+
+const YOUNG_MPA: f64 = 100_000.0;
+
+/// A unit cube of n³ cubes, six tetrahedra each (Kuhn 1960: one for each order of the axes).
+fn cube(n: u32) -> TetMesh {
+    let m = n + 1;
+    let number = |c: [u32; 3]| c[0] + m * (c[1] + m * c[2]);
+    let place = |i: u32| Point::from([i % m, i / m % m, i / (m * m)].map(|x| f64::from(x) / f64::from(n)));
+    let mut tets = Vec::new();
+    for cell in 0..n * n * n {
+        let low = [cell % n, cell / n % n, cell / (n * n)];
+        for (order, even) in [
+            ([0, 1, 2], true),
+            ([1, 2, 0], true),
+            ([2, 0, 1], true),
+            ([0, 2, 1], false),
+            ([2, 1, 0], false),
+            ([1, 0, 2], false),
+        ] {
+            let mut at = low;
+            let mut t = [number(at); 4];
+            for (k, axis) in order.into_iter().enumerate() {
+                at[axis] += 1;
+                t[k + 1] = number(at);
+            }
+            if !even {
+                t.swap(2, 3);
+            }
+            tets.push(t);
+        }
+    }
+    TetMesh::new((0..m * m * m).map(place).collect(), tets)
+}
+
+/// Runs a deck whose boundary conditions are `held`; the reaction (N) of the set BOTTOM. `None` without `ccx`.
+fn bottom_reaction(grain: &TetMesh, band_mm: f64, held: &str) -> Option<[f64; 3]> {
+    if Command::new("ccx").arg("-v").output().is_err() {
+        println!("skipped: no ccx on the path");
+        return None;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let file = BufWriter::new(fs::File::create(folder.path().join("grain.inp")).unwrap());
+    inp::write(grain, &["tests/calculix.rs".to_owned()], band_mm, file).unwrap();
+    let deck = format!(
+        "*INCLUDE, INPUT=grain.inp\n*MATERIAL, NAME=QUARTZ\n*ELASTIC\n{YOUNG_MPA}, 0.22\n\
+         *SOLID SECTION, ELSET=GRAIN, MATERIAL=QUARTZ\n*STEP\n*STATIC\n*BOUNDARY\n{held}\
+         *DLOAD\nGRAIN, P1, 0.\n*NODE PRINT, NSET=BOTTOM, TOTALS=ONLY\nRF\n\
+         *NODE FILE\nU\n*END STEP\n"
+    );
+    fs::write(folder.path().join("deck.inp"), deck).unwrap();
+    Some(run(folder.path()))
+}
+
+fn run(folder: &Path) -> [f64; 3] {
+    let out =
+        Command::new("ccx").arg("deck").env("OMP_NUM_THREADS", "1").current_dir(folder).output().unwrap();
+    let said = String::from_utf8_lossy(&out.stdout);
+    assert!(
+        said.contains("Job finished") && !said.contains("*WARNING") && !said.contains("*ERROR"),
+        "{said}"
+    );
+    assert!(fs::metadata(folder.join("deck.frd")).unwrap().len() > 0);
+    let data = fs::read_to_string(folder.join("deck.dat")).unwrap();
+    let numbers: Vec<f64> = data.split_whitespace().filter_map(|w| w.parse().ok()).collect();
+    let total = numbers.last_chunk::<3>();
+    *total.unwrap_or_else(|| panic!("no reaction in {data}"))
+}
+
+#[test]
+fn a_cube_between_smooth_plates_gives_hookes_force() {
+    let grain = cube(4);
+    assert_eq!(grain.check(), Ok(()));
+    assert!((grain.volume_mm3() - 1.0).abs() < 1e-12);
+    // Free to widen: E A δ / L = 100 GPa · 1 mm² · 0.001. Three nodes of the bottom keep it from sliding and turning.
+    let held = "BOTTOM, 3, 3, 0.\nTOP, 3, 3, -0.001\n1, 1, 2, 0.\n5, 2, 2, 0.\n";
+    let Some(reaction) = bottom_reaction(&grain, 0.1, held) else { return };
+    assert!((reaction[2] / 100.0 - 1.0).abs() < 1e-5, "{reaction:?}");
+    assert!(reaction[0].abs() < 1e-4 && reaction[1].abs() < 1e-4, "{reaction:?}");
+}
+
+#[test]
+fn a_meshed_ball_is_compressed_with_a_plausible_force() {
+    let ball = Ball { center: Point::origin(), radius_mm: 0.5 };
+    let controls = Controls::for_size(2.0);
+    let grain = mesh(&ball, &controls, &mut |_| ()).unwrap();
+    let held = "BOTTOM, 1, 3, 0.\nTOP, 3, 3, -0.001\n";
+    let Some(reaction) = bottom_reaction(&grain, controls.surface_size_mm, held) else { return };
+    // Each cap moves as a rigid punch on its own circle: between a punch of that radius a on two half-spaces,
+    // F = E/(1 − ν²) · a · δ (δ/2 at each), and the full cylinder around the ball, E A δ / L.
+    let cap = (controls.surface_size_mm * (1.0 - controls.surface_size_mm)).sqrt();
+    let punches = YOUNG_MPA / (1.0 - 0.22f64.powi(2)) * cap * 0.001;
+    let cylinder = YOUNG_MPA * std::f64::consts::FRAC_PI_4 * 0.001;
+    assert!(reaction[2] > 0.5 * punches && reaction[2] < cylinder, "{} {punches} {cylinder}", reaction[2]);
+}
