@@ -12,7 +12,7 @@ use std::time::Duration;
 
 /// Blue and red chrominance of lamp and tube (nearly neutral), and of the grain (sand).
 const NEUTRAL: [f32; 2] = [127.0, 129.0];
-const SAND: [f32; 2] = [116.0, 133.0];
+const SAND: [f32; 2] = [117.0, 136.0];
 
 /// The camera. The same settings, true angle and exposure number give the same bytes.
 pub struct SimulatedCamera {

@@ -115,24 +115,24 @@ fn angular(seed: u64) -> TriangleMesh {
     let mut facets: Vec<(Vector, f64)> = Vec::new();
     for i in 0..200 {
         let n = direction(i + 300);
-        if facets.len() < 11 && facets.iter().all(|(m, _)| m.dot(&n) < 0.75) {
-            facets.push((n, draw(900 + i, 0.74, 0.9)));
+        if facets.len() < 12 && facets.iter().all(|(m, _)| m.dot(&n) < 0.72) {
+            facets.push((n, draw(900 + i, 0.72, 0.88)));
         }
     }
     // How sharp the worn edges are: the p-norm of the surfaces' inverse radii, p → ∞ being a knife's edge.
-    let sharpness = 45;
+    let sharpness = 60;
     let mut mesh = icosphere(6);
     for p in &mut mesh.vertices {
         let d = p.coords;
         let mut body = 1.0 / d.component_div(&axes).norm();
-        let mut rough = 1.0;
         for (k, phase, amplitude) in &bumps {
             body *= 1.0 + amplitude * (k.dot(&d) + phase).cos();
-            rough += 0.0011 * (k.dot(&d) * 9.0 + 3.0 * phase).sin();
         }
         let planes = facets.iter().map(|(n, h)| (n.dot(&d) / h).max(0.0).powi(sharpness)).sum::<f64>();
         let radius = ((1.0 / body).powi(sharpness) + planes).powf(-1.0 / f64::from(sharpness));
-        *p = Point::from(d * radius * rough);
+        // Three octaves, each half as high as the one before.
+        let rough = [6.0, 13.0, 29.0].map(|k| random::lattice(key, &(d * k)) / k).iter().sum::<f64>();
+        *p = Point::from(d * radius * (1.0 + 0.035 * rough));
     }
     mesh
 }

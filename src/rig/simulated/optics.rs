@@ -4,14 +4,14 @@ use super::settings::Settings;
 use crate::geometry::{Angle, Point, Projection, TriangleMesh};
 use crate::rig::RigError;
 use nalgebra::{Matrix3x4, RowVector4};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// The camera's true parameters.
 ///
 /// A place (x, y, z) of the table at stage angle a is turned to x' = x cos a − y sin a, y' = x sin a + y cos a
 /// and seen at u = x' s / `mm_per_px`, v = −z s / `mm_per_px`, where s = D / (D + y') (1 for a telecentric lens);
 /// then, with the roll r, at column `axis_column` + u cos r + v sin r + wobble, row `axis_row` − u sin r + v cos r.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Optics {
     /// Width and height of the picture, pixels.
     pub picture: [usize; 2],
@@ -36,7 +36,7 @@ impl Optics {
     /// # Errors
     /// [`RigError::Device`] where the camera would touch the body or the body would leave the picture while it
     /// turns.
-    pub fn before(settings: &Settings, body: &TriangleMesh) -> Result<Self, RigError> {
+    pub(super) fn before(settings: &Settings, body: &TriangleMesh) -> Result<Self, RigError> {
         let top = body.vertices.iter().map(|p| p.z).fold(0.0, f64::max);
         let reach =
             (body.vertices.iter()).map(|p| p.x.hypot(p.y)).fold(settings.pedestal_radius_mm, f64::max);
@@ -85,7 +85,7 @@ impl Optics {
 
     /// The whole camera as a matrix from the table's frame, at a stage angle and with a view's own sideways
     /// shift (pixels).
-    pub fn projection(&self, angle: Angle, wobble_px: f64) -> Projection {
+    pub(super) fn projection(&self, angle: Angle, wobble_px: f64) -> Projection {
         let (sin, cos) = angle.rad().sin_cos();
         let (roll_sin, roll_cos) = self.roll_rad.sin_cos();
         let u = RowVector4::new(cos, -sin, 0.0, 0.0) / self.mm_per_px;
@@ -101,7 +101,7 @@ impl Optics {
 
     /// How near the camera a turned place is, as a quantity that is linear over the picture of a plane (so
     /// that it may be interpolated there); greater is nearer.
-    pub fn nearness(&self, angle: Angle, p: &Point) -> f64 {
+    pub(super) fn nearness(&self, angle: Angle, p: &Point) -> f64 {
         let (sin, cos) = angle.rad().sin_cos();
         self.nearness_of(p.x * sin + p.y * cos)
     }
@@ -111,7 +111,7 @@ impl Optics {
     }
 
     /// Half the width of the pedestal's picture, pixels.
-    pub fn pedestal_half_width_px(&self) -> f64 {
+    pub(super) fn pedestal_half_width_px(&self) -> f64 {
         let r = self.pedestal_radius_mm;
         // The tangent rays of a pinhole see a little more than the radius.
         let seen = self.distance_mm.map_or(r, |d| d * r / (d * d - r * r).sqrt());
@@ -119,7 +119,7 @@ impl Optics {
     }
 
     /// The picture turned back by the roll: the u and v (pixels) of a place in the picture.
-    pub fn unrolled(&self, [column, row]: [f64; 2], wobble_px: f64) -> [f64; 2] {
+    pub(super) fn unrolled(&self, [column, row]: [f64; 2], wobble_px: f64) -> [f64; 2] {
         let (sin, cos) = self.roll_rad.sin_cos();
         let (du, dv) = (column - self.axis_column_px - wobble_px, row - self.axis_row_px);
         [du * cos - dv * sin, du * sin + dv * cos]
@@ -127,7 +127,7 @@ impl Optics {
 
     /// The columns of a picture row at which v ≥ 0: below the plane of the pedestal's top. Least and
     /// greatest, possibly infinite; the least exceeds the greatest where there is none.
-    pub fn below_top(&self, row: f64, wobble_px: f64) -> [f64; 2] {
+    pub(super) fn below_top(&self, row: f64, wobble_px: f64) -> [f64; 2] {
         let (sin, cos) = self.roll_rad.sin_cos();
         let dv = row - self.axis_row_px;
         let axis = self.axis_column_px + wobble_px;
@@ -139,7 +139,7 @@ impl Optics {
     }
 
     /// The columns of a picture row that the pedestal covers.
-    pub fn pedestal_span(&self, row: f64, wobble_px: f64) -> [f64; 2] {
+    pub(super) fn pedestal_span(&self, row: f64, wobble_px: f64) -> [f64; 2] {
         let (sin, cos) = self.roll_rad.sin_cos();
         let middle = self.axis_column_px + wobble_px + (row - self.axis_row_px) * sin / cos;
         let half = self.pedestal_half_width_px() / cos;
@@ -149,7 +149,7 @@ impl Optics {
 
     /// The nearness of the pedestal's front where the picture's u is `u_px`, and the part of its outward
     /// normal that faces the camera; `None` beside the pedestal.
-    pub fn pedestal_front(&self, u_px: f64) -> Option<(f64, f64)> {
+    pub(super) fn pedestal_front(&self, u_px: f64) -> Option<(f64, f64)> {
         let r = self.pedestal_radius_mm;
         let x = u_px * self.mm_per_px;
         // Along the ray x' = slope (D + y') (or x' = x): x'² + y'² = r², the solution nearer to the camera.

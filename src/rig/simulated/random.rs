@@ -41,6 +41,23 @@ pub fn uniform(key: u64, index: u64) -> f64 {
     (bits(key, index) >> 11) as f64 / (1u64 << 53) as f64
 }
 
+/// Value noise: random values (−1 to 1) at whole places, blended between them.
+pub fn lattice(key: u64, p: &crate::geometry::Vector) -> f64 {
+    let cell = p.map(f64::floor);
+    let f = (p - cell).map(|x| x * x * (3.0 - 2.0 * x));
+    (0..8)
+        .map(|corner| {
+            let (mut weight, mut place) = (1.0, 0u64);
+            for k in 0..3 {
+                let up = corner >> k & 1;
+                weight *= if up == 1 { f[k] } else { 1.0 - f[k] };
+                place = (place << 21) | ((cell[k] as i64 + i64::from(up)) as u64 & 0x1f_ffff);
+            }
+            weight * (2.0 * uniform(key, place) - 1.0)
+        })
+        .sum()
+}
+
 /// The standard normal distribution as a table of equally likely values (the middles of 4096 quantiles,
 /// so none beyond ±3.7): one look-up a draw, the same on every machine.
 #[derive(Debug)]

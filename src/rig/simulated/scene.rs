@@ -144,27 +144,10 @@ fn light(n: &Vector) -> f32 {
 
 /// Mottling of the grain's surface: smooth noise at two scales and a few dark specks.
 fn albedo(key: u64, p: &Vector) -> f32 {
-    let coarse = lattice_noise(key, &(p * 5.0));
-    let fine = lattice_noise(key ^ 1, &(p * 17.0));
-    let speck = if lattice_noise(key ^ 2, &(p * 11.0)) > 0.62 { 0.82 } else { 1.0 };
+    let coarse = random::lattice(key, &(p * 5.0));
+    let fine = random::lattice(key ^ 1, &(p * 17.0));
+    let speck = if random::lattice(key ^ 2, &(p * 11.0)) > 0.62 { 0.82 } else { 1.0 };
     ((1.0 + 0.16 * coarse + 0.13 * fine) * speck) as f32
-}
-
-/// Value noise: random values (−1 to 1) at whole places, blended between them.
-fn lattice_noise(key: u64, p: &Vector) -> f64 {
-    let cell = p.map(f64::floor);
-    let f = (p - cell).map(|x| x * x * (3.0 - 2.0 * x));
-    (0..8)
-        .map(|corner| {
-            let (mut weight, mut place) = (1.0, 0u64);
-            for k in 0..3 {
-                let up = corner >> k & 1;
-                weight *= if up == 1 { f[k] } else { 1.0 - f[k] };
-                place = (place << 21) | ((cell[k] as i64 + i64::from(up)) as u64 & 0x1f_ffff);
-            }
-            weight * (2.0 * random::uniform(key, place) - 1.0)
-        })
-        .sum()
 }
 
 /// The background as a factor for each column times a level for each row: a vignette and a lean of the light.

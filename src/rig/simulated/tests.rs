@@ -187,9 +187,10 @@ fn the_truth_is_written_whole() {
     camera.capture().unwrap();
     let folder = tempfile::tempdir().unwrap();
     truth.write_truth(folder.path()).unwrap();
-    let json: serde_json::Value =
+    let json: Truth =
         serde_json::from_slice(&std::fs::read(folder.path().join("truth.json")).unwrap()).unwrap();
-    assert_eq!(json["exposures"].as_array().unwrap().len(), 1);
+    assert_eq!((json.settings, json.exposures.len()), (small(), 1));
+    assert!((json.grain_volume_mm3 / truth.truth().grain_volume_mm3 - 1.0).abs() < 1e-12);
     let mut file = std::fs::File::open(folder.path().join("truth.stl")).unwrap();
     let stl = stl_io::read_stl(&mut file).unwrap();
     assert_eq!(stl.faces.len(), truth.truth_mesh().triangles.len());

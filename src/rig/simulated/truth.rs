@@ -7,13 +7,13 @@ use super::settings::Settings;
 use super::stage::lock;
 use super::{Shared, grain};
 use crate::geometry::{Angle, Projection, TriangleMesh};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 /// The record of the truth; lengths mm, angles as their names say.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Truth {
     /// The settings, the seed among them.
     pub settings: Settings,
@@ -30,7 +30,7 @@ pub struct Truth {
 }
 
 /// The truth of one exposure.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Exposure {
     /// Its number, from 0.
     pub number: usize,
