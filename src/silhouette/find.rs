@@ -1,0 +1,291 @@
+//! The order of the steps from a picture to its silhouette.
+
+use super::frame::{self, Rect};
+use super::mask::{Connect, Mask};
+use super::outline::Parts;
+use super::pedestal::{self, Pedestal};
+use super::plane::Plane;
+use super::report::{PedestalSeen, Report, Side};
+use super::search::{Scene, search};
+use super::{Classes, Holes, PedestalMode, Picture, Polarity, Settings, Silhouette, SilhouetteError};
+use super::{despeckle, distance, holes, outline};
+
+/// A threshold this many standard deviations above the background is clear of its noise.
+const CLEAR_SIGMAS: f64 = 6.0;
+/// The least threshold, grey levels.
+const LEAST_THRESHOLD: f64 = 4.0;
+/// Distances are given at least this far around the outline, pixels, and at least this share of its size.
+const MARGIN: (usize, f64) = (12, 0.06);
+/// A contrast below this many standard deviations of the noise is worth a warning.
+const WEAK_CONTRAST: f64 = 12.0;
+/// A separability below this is worth a warning.
+const WEAK_SEPARABILITY: f64 = 0.7;
+
+/// A silhouette and how it was got.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Found {
+    /// The outline of the grain.
+    pub silhouette: Silhouette,
+    /// How it was found.
+    pub report: Report,
+}
+
+/// Finds the grain's outline in a picture.
+///
+/// `background` is a picture of the empty stage under the same light, where there is one; without it a
+/// smooth surface is laid through the background. Only the region that holds the grain is looked at in full
+/// resolution: the cost is one partial reading of the picture and a few passes over that region.
+///
+/// # Errors
+/// When the settings make no sense, the background does not fit, or no grain is in view.
+pub fn find(
+    picture: &Picture,
+    background: Option<&Picture>,
+    settings: &Settings,
+) -> Result<Found, SilhouetteError> {
+    settings.check()?;
+    if let Some(empty) = background {
+        let shape = |p: &Picture| [p.width(), p.height(), p.channels()];
+        if shape(empty) != shape(picture) {
+            return Err(SilhouetteError::BackgroundMismatch {
+                background: shape(empty),
+                picture: shape(picture),
+            });
+        }
+    }
+    let frame = frame::inner(picture);
+    let mut scene = search(picture, background, &frame, settings)?;
+    let mut seen = look(picture, &frame, &scene, settings)?;
+    let r = &seen.plane.rect;
+    let inside = [r.x0 > frame.x0, r.x1 < frame.x1, r.y0 > frame.y0, r.y1 < frame.y1];
+    if seen.reaches.iter().zip(inside).any(|(reaches, inside)| *reaches && inside) {
+        // The region was guessed too small on the reduced picture: look at everything.
+        scene.region = frame;
+        seen = look(picture, &frame, &scene, settings)?;
+    }
+    finish(picture, &frame, &scene, settings, seen)
+}
+
+/// The pixel-accurate state of affairs in the region.
+struct Seen {
+    plane: Plane,
+    noise: f64,
+    threshold_two: f64,
+    thresholds_three: [f64; 2],
+    separability: [f64; 2],
+    threshold: f64,
+    /// All that is not background.
+    occupied: Mask,
+    pedestal: Option<Pedestal>,
+    /// The grain without the pedestal, openings treated.
+    grain: Mask,
+    holes_open: usize,
+    contrast: f64,
+    /// Whether the grain reaches the left, right, top, bottom end of the region.
+    reaches: [bool; 4],
+}
+
+fn look(
+    picture: &Picture,
+    frame: &Rect,
+    scene: &Scene,
+    settings: &Settings,
+) -> Result<Seen, SilhouetteError> {
+    let mut plane = Plane::of(picture, scene.region, scene.channel, &scene.backdrop, scene.bright_grain);
+    despeckle::despeckle(&mut plane, scene.backdrop.noise);
+    let histogram = plane.histogram();
+    let nothing =
+        || SilhouetteError::NoContrast { contrast: 0.0, limit: LEAST_THRESHOLD, noise: scene.backdrop.noise };
+    let two = histogram.otsu2().ok_or_else(nothing)?;
+    let three = histogram.otsu3();
+    // The lower half of the background's distribution: the grain's blur widens only the upper one.
+    let quantile = |share: f64| histogram.quantile_below(two.threshold, share);
+    let noise = match (quantile(0.5), quantile(0.1587)) {
+        (Some(middle), Some(low)) => (middle - low).max(0.3),
+        _ => scene.backdrop.noise,
+    };
+    let clear = LEAST_THRESHOLD.max(CLEAR_SIGMAS * noise);
+    let low = three.map_or(two.threshold, |t| t.thresholds[0]);
+    let threshold = match settings.classes {
+        Classes::Two => two.threshold,
+        Classes::Three => low,
+        Classes::Auto if low >= clear => low.min(two.threshold),
+        Classes::Auto => two.threshold,
+    };
+    let mut occupied = Mask { width: plane.width, height: plane.height, bits: plane.above(threshold) };
+    let stands = settings.pedestal == PedestalMode::Auto && plane.rect.y1 == frame.y1;
+    let pedestal = if stands { pedestal::find(&occupied, &plane, noise) } else { None };
+    let mut grain = occupied.clone();
+    if let Some(pedestal) = &pedestal {
+        clear_below(&mut grain, pedestal);
+    }
+    grain = grain.largest();
+    let area = grain.area();
+    if (area as f64) < settings.min_area_px {
+        return Err(SilhouetteError::TooSmall { area_px: area as f64, limit_px: settings.min_area_px });
+    }
+    let sum: f64 = (plane.values.iter().zip(&grain.bits)).map(|(&v, &b)| f64::from(v) * f64::from(b)).sum();
+    let contrast = sum / area as f64 / f64::from(super::plane::PER_LEVEL);
+    let gap = holes::Background { noise, contrast };
+    let open = match settings.holes {
+        Holes::Auto => scene.channel.is_difference(),
+        Holes::Fill => false,
+        Holes::Background => true,
+    };
+    let holes_open = holes::fill(&mut grain, &plane, open.then_some(&gap));
+    occupied.bits.iter_mut().zip(&grain.bits).for_each(|(o, g)| *o |= g);
+    let (w, h) = (grain.width, grain.height);
+    let reaches = [
+        (0..h).any(|y| grain.get(0, y)),
+        (0..h).any(|y| grain.get(w - 1, y)),
+        (0..w).any(|x| grain.get(x, 0)),
+        (0..w).any(|x| grain.get(x, h - 1)),
+    ];
+    Ok(Seen {
+        plane,
+        noise,
+        threshold_two: two.threshold,
+        thresholds_three: three.map_or([two.threshold; 2], |t| t.thresholds),
+        separability: [two.separability, three.map_or(two.separability, |t| t.separability)],
+        threshold,
+        occupied,
+        pedestal,
+        grain,
+        holes_open,
+        contrast,
+        reaches,
+    })
+}
+
+fn clear_below(mask: &mut Mask, pedestal: &Pedestal) {
+    let w = mask.width;
+    for (k, bit) in mask.bits.iter_mut().enumerate() {
+        if *bit != 0 && pedestal.below_top((k % w) as f64, (k / w) as f64).is_some_and(|d| d > 0.0) {
+            *bit = 0;
+        }
+    }
+}
+
+fn finish(
+    picture: &Picture,
+    frame: &Rect,
+    scene: &Scene,
+    settings: &Settings,
+    seen: Seen,
+) -> Result<Found, SilhouetteError> {
+    let Seen { plane, occupied, grain, pedestal, .. } = &seen;
+    // The grain together with the pedestal below it, so that the cut is the only edge between them.
+    let mut body = grain.clone();
+    if let Some(pedestal) = pedestal {
+        let w = body.width;
+        let (runs, _) = occupied.components(Connect::Corners);
+        let joined = runs.iter().find(|r| grain.bits[r.row * w + r.start..r.row * w + r.end].contains(&1));
+        let component = joined.map(|r| r.component);
+        for run in runs.iter().filter(|r| Some(r.component) == component) {
+            for x in run.start..run.end {
+                if pedestal.below_top(x as f64, run.row as f64).is_some_and(|d| d > 0.0) {
+                    body.bits[run.row * w + x] = 1;
+                }
+            }
+        }
+    }
+    let excluded = |x: usize, y: usize| {
+        let reach = outline::BAND as f64;
+        pedestal.is_some_and(|p| p.below_top(x as f64, y as f64).is_some_and(|d| d > -reach))
+    };
+    let mut field = outline::place(
+        plane,
+        &Parts {
+            body: &body,
+            occupied,
+            excluded: &excluded,
+            threshold: seen.threshold,
+            least_level: 4.0 * seen.noise,
+        },
+    );
+    if let Some(pedestal) = pedestal {
+        field.cut(|x, y| pedestal.below_top(x, y));
+    }
+    field.keep_largest();
+    let silhouette = cropped(picture, plane, &field)
+        .ok_or(SilhouetteError::TooSmall { area_px: 0.0, limit_px: settings.min_area_px })?;
+    let report = report(frame, scene, &seen, &silhouette);
+    Ok(Found { silhouette, report })
+}
+
+/// The rectangle around the outline and its margin, with distances.
+fn cropped(picture: &Picture, plane: &Plane, field: &outline::Field) -> Option<Silhouette> {
+    let (_, components) = field.inside().components(Connect::Sides);
+    let (least, greatest) = (components.iter().map(|c| (c.least, c.greatest))).reduce(|a, b| {
+        ([a.0[0].min(b.0[0]), a.0[1].min(b.0[1])], [a.1[0].max(b.1[0]), a.1[1].max(b.1[1])])
+    })?;
+    let longer = (greatest[0] - least[0]).max(greatest[1] - least[1]);
+    let margin = MARGIN.0.max((MARGIN.1 * longer as f64) as usize);
+    let whole = Rect { x0: 0, y0: 0, x1: field.width, y1: field.height };
+    let part = Rect { x0: least[0], y0: least[1], x1: greatest[0] + 1, y1: greatest[1] + 1 };
+    let part = part.grown(margin, &whole);
+    let values = (part.y0..part.y1)
+        .flat_map(|y| field.values[y * field.width + part.x0..y * field.width + part.x1].iter().copied())
+        .collect();
+    let field = outline::Field { width: part.width(), height: part.height(), values };
+    Some(Silhouette {
+        picture: [picture.width(), picture.height()],
+        origin: [plane.rect.x0 + part.x0, plane.rect.y0 + part.y0],
+        size: [field.width, field.height],
+        distance_px: distance::signed(&field),
+    })
+}
+
+fn report(frame: &Rect, scene: &Scene, seen: &Seen, silhouette: &Silhouette) -> Report {
+    let r = &seen.plane.rect;
+    let at_end = [r.x0 == frame.x0, r.x1 == frame.x1, r.y0 == frame.y0, r.y1 == frame.y1];
+    let touches_border = std::array::from_fn(|k| seen.reaches[k] && at_end[k]);
+    let mut warnings = Vec::new();
+    for (side, _) in Side::ALL.iter().zip(touches_border).filter(|(_, touches)| *touches) {
+        warnings.push(format!(
+            "the grain reaches the {} end of the picture: what lies beyond is missing; move the camera or the \
+             grain",
+            side.name()
+        ));
+    }
+    if seen.contrast < WEAK_CONTRAST * seen.noise {
+        warnings.push(format!(
+            "the grain stands only {:.1} grey levels off the background, whose noise is {:.1}: more light \
+             would make the outline surer",
+            seen.contrast, seen.noise
+        ));
+    }
+    if seen.separability[0].max(seen.separability[1]) < WEAK_SEPARABILITY {
+        warnings.push(format!(
+            "grain and background overlap: Otsu's separability is {:.2} where {WEAK_SEPARABILITY} is usual; \
+             check light and focus",
+            seen.separability[0].max(seen.separability[1])
+        ));
+    }
+    let pedestal = seen.pedestal.map(|p| {
+        let (centre, half_width) = p.centre();
+        PedestalSeen {
+            top_row: r.y0 as f64 + p.top_at(centre),
+            top_slope: p.top[1],
+            centre_column: r.x0 as f64 + centre,
+            half_width,
+        }
+    });
+    Report {
+        channel: scene.channel,
+        polarity: if scene.bright_grain { Polarity::DarkBackground } else { Polarity::BrightBackground },
+        threshold_two: seen.threshold_two,
+        thresholds_three: seen.thresholds_three,
+        threshold_used: seen.threshold,
+        separability_two: seen.separability[0],
+        separability_three: seen.separability[1],
+        contrast: seen.contrast,
+        noise: seen.noise,
+        area_px: silhouette.area_px(),
+        holes_open: seen.holes_open,
+        frame: [frame.x0, frame.y0, frame.x1, frame.y1],
+        pedestal,
+        touches_border,
+        warnings,
+    }
+}

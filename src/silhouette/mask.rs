@@ -1,0 +1,171 @@
+//! Pixel-accurate masks: connected components by runs (He, Chao & Suzuki 2008), and square erosion.
+
+use rayon::prelude::*;
+
+/// A mask over a rectangle: one byte a pixel, 0 or 1.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Mask {
+    pub width: usize,
+    pub height: usize,
+    pub bits: Vec<u8>,
+}
+
+/// Pixels `start..end` of one row.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Run {
+    pub row: usize,
+    pub start: usize,
+    pub end: usize,
+    /// Index of its component.
+    pub component: usize,
+}
+
+/// A connected set of pixels.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Component {
+    pub area: usize,
+    /// Least and greatest column and row, inclusive.
+    pub least: [usize; 2],
+    pub greatest: [usize; 2],
+}
+
+/// What connects two pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Connect {
+    /// A common side.
+    Sides,
+    /// A common side or corner.
+    Corners,
+}
+
+impl Mask {
+    pub(super) fn empty(width: usize, height: usize) -> Self {
+        Self { width, height, bits: vec![0; width * height] }
+    }
+
+    pub(super) fn get(&self, x: usize, y: usize) -> bool {
+        self.bits[y * self.width + x] != 0
+    }
+
+    pub(super) fn area(&self) -> usize {
+        self.bits.iter().map(|&b| usize::from(b)).sum()
+    }
+
+    pub(super) fn complement(&self) -> Self {
+        Self { bits: self.bits.iter().map(|b| 1 - b).collect(), ..*self }
+    }
+
+    /// Runs in reading order, and the components in the order of their first pixel.
+    pub(super) fn components(&self, connect: Connect) -> (Vec<Run>, Vec<Component>) {
+        let mut runs: Vec<Run> = Vec::new();
+        let mut parent: Vec<usize> = Vec::new();
+        let reach = usize::from(connect == Connect::Corners);
+        let mut above = 0..0;
+        for (row, bits) in self.bits.chunks_exact(self.width).enumerate() {
+            let first = runs.len();
+            let mut x = 0;
+            let mut k = above.start;
+            while let Some(start) = bits[x..].iter().position(|&b| b != 0).map(|p| p + x) {
+                let end = bits[start..].iter().position(|&b| b == 0).map_or(self.width, |p| p + start);
+                let mut label = None;
+                while k < above.end && runs[k].end + reach <= start {
+                    k += 1;
+                }
+                let mut j = k;
+                while j < above.end && runs[j].start < end + reach {
+                    let other = root(&mut parent, runs[j].component);
+                    label = Some(match label {
+                        None => other,
+                        Some(mine) => {
+                            let (low, high) = if mine < other { (mine, other) } else { (other, mine) };
+                            parent[high] = low;
+                            low
+                        }
+                    });
+                    j += 1;
+                }
+                let component = label.unwrap_or_else(|| {
+                    parent.push(parent.len());
+                    parent.len() - 1
+                });
+                runs.push(Run { row, start, end, component });
+                x = end;
+            }
+            above = first..runs.len();
+        }
+        let mut names = vec![usize::MAX; parent.len()];
+        let mut components: Vec<Component> = Vec::new();
+        for run in &mut runs {
+            let root = root(&mut parent, run.component);
+            if names[root] == usize::MAX {
+                names[root] = components.len();
+                components.push(Component { area: 0, least: [usize::MAX; 2], greatest: [0; 2] });
+            }
+            run.component = names[root];
+            let c = &mut components[run.component];
+            c.area += run.end - run.start;
+            c.least = [c.least[0].min(run.start), c.least[1].min(run.row)];
+            c.greatest = [c.greatest[0].max(run.end - 1), c.greatest[1].max(run.row)];
+        }
+        (runs, components)
+    }
+
+    /// Keeps only the components for which `keep` holds.
+    pub(super) fn select(&self, runs: &[Run], keep: impl Fn(usize) -> bool) -> Self {
+        let mut out = Self::empty(self.width, self.height);
+        for run in runs.iter().filter(|run| keep(run.component)) {
+            let start = run.row * self.width;
+            out.bits[start + run.start..start + run.end].fill(1);
+        }
+        out
+    }
+
+    /// Only its largest component (the first of equals), connected by sides.
+    pub(super) fn largest(&self) -> Self {
+        let (runs, components) = self.components(Connect::Sides);
+        let best = (0..components.len()).rev().max_by_key(|&k| components[k].area);
+        self.select(&runs, |k| Some(k) == best)
+    }
+
+    /// Pixels whose whole square of half width `radius` is set; what lies outside the rectangle is set.
+    pub(super) fn eroded(&self, radius: usize) -> Self {
+        let (w, h) = (self.width, self.height);
+        let mut across = vec![0u8; w * h];
+        across.par_chunks_mut(w).zip(self.bits.par_chunks(w)).for_each(|(out, row)| {
+            // Distance to the last clear pixel on the left, then on the right.
+            let mut since = radius + 1;
+            for (o, &b) in out.iter_mut().zip(row) {
+                since = if b == 0 { 0 } else { since + 1 };
+                *o = u8::from(since > radius);
+            }
+            let mut since = radius + 1;
+            for (o, &b) in out.iter_mut().zip(row).rev() {
+                since = if b == 0 { 0 } else { since + 1 };
+                *o &= u8::from(since > radius);
+            }
+        });
+        let mut out = Self::empty(w, h);
+        out.bits.par_chunks_mut(w).enumerate().for_each(|(y, line)| {
+            line.fill(1);
+            for near in y.saturating_sub(radius)..(y + radius + 1).min(h) {
+                for (o, &b) in line.iter_mut().zip(&across[near * w..][..w]) {
+                    *o &= b;
+                }
+            }
+        });
+        out
+    }
+
+    /// Pixels whose square of half width `radius` holds a set one.
+    pub(super) fn dilated(&self, radius: usize) -> Self {
+        self.complement().eroded(radius).complement()
+    }
+}
+
+fn root(parent: &mut [usize], mut k: usize) -> usize {
+    while parent[k] != k {
+        parent[k] = parent[parent[k]];
+        k = parent[k];
+    }
+    k
+}

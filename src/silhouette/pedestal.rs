@@ -1,0 +1,252 @@
+//! The pedestal under the grain: upright, straight sides from the lower border up to a level top.
+
+use super::backdrop::median;
+use super::mask::Mask;
+use super::plane::Plane;
+
+/// A side may lie this far off its line, pixels.
+const SIDE_TOLERANCE: f64 = 2.0;
+/// Rows from which the sides are begun.
+const FIRST_ROWS: usize = 12;
+/// A side may lean by no more than this, columns per row (about 4°).
+const GREATEST_LEAN: f64 = 0.07;
+/// A row that is off costs as much as this many rows that fit earn.
+const MISFIT: i64 = 3;
+/// Least height, pixels, and as a share of the width.
+const LEAST_HEIGHT: (f64, f64) = (8.0, 0.04);
+/// Least width, pixels.
+const LEAST_WIDTH: f64 = 12.0;
+/// Rows away from the top at which both of its sides are seen unblurred, and how many are averaged.
+const STAND_OFF: usize = 4;
+const AVERAGED: usize = 4;
+/// A column shows the top when the grey value steps there by this share of the pedestal's contrast.
+const LEAST_STEP: f64 = 0.12;
+/// Least share of the columns that must show it.
+const LEAST_SEEN: f64 = 0.35;
+/// Columns next to the sides that are left out, pixels.
+const CORNER: f64 = 4.0;
+/// Rounds of fitting the top's line.
+const ROUNDS: usize = 6;
+/// The cut is this much wider than the pedestal on each side, pixels, so that no blurred sliver stays.
+const CUT_MARGIN: f64 = 5.0;
+
+/// A pedestal, in the plane's own pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Pedestal {
+    /// Row of the top at column 0, and rows per column.
+    pub top: [f64; 2],
+    /// Columns of the left and right side at row 0, and columns per row.
+    pub left: [f64; 2],
+    pub right: [f64; 2],
+}
+
+impl Pedestal {
+    /// Row of the top at a column.
+    pub(super) fn top_at(&self, x: f64) -> f64 {
+        self.top[0] + self.top[1] * x
+    }
+
+    /// Columns of both sides at a row.
+    pub(super) fn sides_at(&self, y: f64) -> [f64; 2] {
+        [self.left[0] + self.left[1] * y, self.right[0] + self.right[1] * y]
+    }
+
+    /// Centre column and half width at the top.
+    pub(super) fn centre(&self) -> (f64, f64) {
+        let middle = 0.5 * (self.left[0] + self.right[0]);
+        let [l, r] = self.sides_at(self.top_at(middle));
+        (0.5 * (l + r), 0.5 * (r - l))
+    }
+
+    /// How far (pixels) a pixel lies below the top, where the cut reaches: `None` beside it.
+    pub(super) fn below_top(&self, x: f64, y: f64) -> Option<f64> {
+        let [l, r] = self.sides_at(y);
+        (x >= l - CUT_MARGIN && x <= r + CUT_MARGIN)
+            .then(|| (y - self.top_at(x)) / (1.0 + self.top[1] * self.top[1]).sqrt())
+    }
+}
+
+/// Looks for a pedestal in the mask of all that is not background; `noise` in grey levels.
+pub(super) fn find(mask: &Mask, plane: &Plane, noise: f64) -> Option<Pedestal> {
+    let rows = sides_upwards(mask)?;
+    let (left, right, top) = straight_sides(&rows, mask.height)?;
+    let rough = Pedestal { top: [top, 0.0], left, right };
+    let (centre, half) = rough.centre();
+    let height = (mask.height as f64 - 0.5) - top;
+    if 2.0 * half < LEAST_WIDTH || height < LEAST_HEIGHT.0.max(LEAST_HEIGHT.1 * 2.0 * half) {
+        return None;
+    }
+    let pedestal_level = level(plane, centre, half, top)?;
+    let top = level_top(plane, &rough, pedestal_level, noise)?;
+    let found = Pedestal { top, left, right };
+    Some(sharpen_sides(plane, found, pedestal_level))
+}
+
+/// First and last column of the run that continues the widest run of the lowest row upwards, row by row.
+fn sides_upwards(mask: &Mask) -> Option<Vec<[f64; 2]>> {
+    let w = mask.width;
+    let bottom = &mask.bits[(mask.height - 1) * w..];
+    let mut best: Option<(usize, usize)> = None;
+    let mut x = 0;
+    while let Some(start) = bottom[x..].iter().position(|&b| b != 0).map(|p| p + x) {
+        let end = bottom[start..].iter().position(|&b| b == 0).map_or(w, |p| p + start);
+        if best.is_none_or(|(s, e)| end - start > e - s) {
+            best = Some((start, end));
+        }
+        x = end;
+    }
+    let (start, end) = best?;
+    if start == 0 || end == w {
+        return None;
+    }
+    let middle = usize::midpoint(start, end);
+    let mut rows = Vec::new();
+    for row in mask.bits.chunks_exact(w).rev() {
+        // The run under the middle column; specks inside the pedestal do not split it.
+        let Some(first) = row[..=middle].iter().rev().position(|&b| b == 0) else { break };
+        let Some(last) = row[middle..].iter().position(|&b| b == 0) else { break };
+        if first == 0 || last == 0 {
+            break;
+        }
+        rows.push([(middle + 1 - first) as f64, (middle + last - 1) as f64]);
+    }
+    Some(rows)
+}
+
+/// A line: value at 0, and slope.
+type Line = [f64; 2];
+
+/// Lines through both sides (column over row), and the row where they end.
+fn straight_sides(rows: &[[f64; 2]], height: usize) -> Option<(Line, Line, f64)> {
+    let y = |k: usize| (height - 1 - k) as f64;
+    let first = rows.len().min(FIRST_ROWS);
+    if first < 4 {
+        return None;
+    }
+    let mut lines = [0, 1].map(|side| {
+        let mut columns: Vec<f64> = rows[..first].iter().map(|r| r[side]).collect();
+        [median(&mut columns), 0.0]
+    });
+    let mut top = 0;
+    for _ in 0..ROUNDS {
+        let fits = |k: usize| {
+            (0..2).all(|s| (rows[k][s] - lines[s][0] - lines[s][1] * y(k)).abs() <= SIDE_TOLERANCE)
+        };
+        // The highest row up to which fitting rows outweigh the others most.
+        let (mut sum, mut best) = (0i64, 0i64);
+        for k in 0..rows.len() {
+            sum += if fits(k) { 1 } else { -MISFIT };
+            if sum > best {
+                (best, top) = (sum, k);
+            }
+        }
+        let good: Vec<usize> = (0..=top).filter(|&k| fits(k)).collect();
+        let mut refitted = lines;
+        for (side, line) in refitted.iter_mut().enumerate() {
+            let points: Vec<(f64, f64)> = good.iter().map(|&k| (y(k), rows[k][side])).collect();
+            *line = fit_line(&points)?;
+            if line[1].abs() > GREATEST_LEAN {
+                return None;
+            }
+        }
+        lines = refitted;
+    }
+    Some((lines[0], lines[1], y(top) - 0.5))
+}
+
+/// Grey level (away from the background) in the body of the pedestal.
+fn level(plane: &Plane, centre: f64, half: f64, top: f64) -> Option<f64> {
+    let (x0, x1) = ((centre - 0.7 * half).max(0.0) as usize, (centre + 0.7 * half) as usize);
+    let y0 = (top.max(0.0) as usize + STAND_OFF).min(plane.height - 1);
+    let mut values: Vec<f64> = (y0..plane.height)
+        .flat_map(|y| (x0..=x1.min(plane.width - 1)).map(move |x| f64::from(plane.at(x, y))))
+        .collect();
+    (!values.is_empty()).then(|| median(&mut values))
+}
+
+/// The line of the top, seen where the grey value steps, beside the grain or under it.
+fn level_top(plane: &Plane, rough: &Pedestal, body: f64, noise: f64) -> Option<Line> {
+    let row = rough.top[0];
+    let [l, r] = rough.sides_at(row);
+    let (x0, x1) = ((l + CORNER).ceil().max(0.0) as usize, (r - CORNER).floor().max(0.0) as usize);
+    let reach = (STAND_OFF + AVERAGED) as f64;
+    if row < reach || x1 <= x0 + 4 || x1 >= plane.width {
+        return None;
+    }
+    let middle = row.round() as usize;
+    let least = (LEAST_STEP * body.abs()).max(4.0 * noise);
+    let mut points: Vec<(f64, f64)> =
+        (x0..=x1).filter_map(|x| Some((x as f64, edge(plane, x, middle, least)?))).collect();
+    let columns = (x1 + 1 - x0) as f64;
+    let mut rows: Vec<f64> = points.iter().map(|p| p.1).collect();
+    let mut line = [median(&mut rows), 0.0];
+    for _ in 0..ROUNDS {
+        let off = |p: &(f64, f64), line: &Line| (p.1 - line[0] - line[1] * p.0).abs();
+        let mut all: Vec<f64> = points.iter().map(|p| off(p, &line)).collect();
+        let limit = (2.5 * 1.4826 * median(&mut all)).max(0.5);
+        let near: Vec<(f64, f64)> = points.iter().filter(|p| off(p, &line) <= limit).copied().collect();
+        line = fit_line(&near)?;
+    }
+    points.retain(|p| (p.1 - line[0] - line[1] * p.0).abs() <= 1.0);
+    (points.len() as f64 >= LEAST_SEEN * columns && line[1].abs() <= GREATEST_LEAN).then_some(line)
+}
+
+/// Row at which the grey value of a column is half-way between the pedestal and what is above it.
+fn edge(plane: &Plane, x: usize, middle: usize, least: f64) -> Option<f64> {
+    let mean = |rows: std::ops::Range<usize>| {
+        let n = rows.len() as f64;
+        rows.map(|y| f64::from(plane.at(x, y))).sum::<f64>() / n
+    };
+    let low_end = middle + STAND_OFF;
+    let high_end = middle.checked_sub(STAND_OFF + AVERAGED)?;
+    if low_end + 1 >= plane.height {
+        return None;
+    }
+    let below = mean(low_end..(low_end + AVERAGED).min(plane.height));
+    let above = mean(high_end..high_end + AVERAGED);
+    if (below - above).abs() < least {
+        return None;
+    }
+    let part = |y: usize| (f64::from(plane.at(x, y)) - above) / (below - above) - 0.5;
+    let y = (high_end + AVERAGED..=low_end).rev().find(|&y| part(y) < 0.0)?;
+    let (a, b) = (part(y), part(y + 1));
+    (b > 0.0).then(|| y as f64 - a / (b - a))
+}
+
+/// Both sides again, between pixels: where each row is half-way between background and pedestal.
+fn sharpen_sides(plane: &Plane, rough: Pedestal, body: f64) -> Pedestal {
+    let (centre, _) = rough.centre();
+    let first = rough.top_at(centre).max(0.0) as usize + STAND_OFF;
+    let side = |line: Line, outwards: isize| {
+        let points: Vec<(f64, f64)> = (first..plane.height)
+            .filter_map(|y| {
+                let start = (line[0] + line[1] * y as f64).round() as isize - 4 * outwards;
+                let at = |k: isize| {
+                    let x = start + k * outwards;
+                    (0..plane.width as isize)
+                        .contains(&x)
+                        .then(|| f64::from(plane.at(x as usize, y)) / body - 0.5)
+                };
+                (0..8).find_map(|k| {
+                    let (a, b) = (at(k)?, at(k + 1)?);
+                    (a >= 0.0 && b < 0.0)
+                        .then(|| (y as f64, start as f64 + (k as f64 + a / (a - b)) * outwards as f64))
+                })
+            })
+            .collect();
+        if points.len() < 4 { line } else { fit_line(&points).unwrap_or(line) }
+    };
+    Pedestal { left: side(rough.left, -1), right: side(rough.right, 1), ..rough }
+}
+
+/// Least squares through `(x, y)`: value at 0 and slope.
+fn fit_line(points: &[(f64, f64)]) -> Option<Line> {
+    let n = points.len() as f64;
+    if points.len() < 2 {
+        return None;
+    }
+    let (mx, my) = (points.iter().map(|p| p.0).sum::<f64>() / n, points.iter().map(|p| p.1).sum::<f64>() / n);
+    let xx: f64 = points.iter().map(|p| (p.0 - mx).powi(2)).sum();
+    let xy: f64 = points.iter().map(|p| (p.0 - mx) * (p.1 - my)).sum();
+    (xx > 0.0).then(|| [my - xy / xx * mx, xy / xx])
+}

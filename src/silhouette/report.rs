@@ -1,0 +1,83 @@
+//! How a silhouette was got: what a person checks it by.
+
+use super::{Channel, Polarity};
+use serde::Serialize;
+
+/// How a silhouette was found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Report {
+    /// The combination of colours used.
+    pub channel: Channel,
+    /// Which of grain and background was the brighter one; never `auto`.
+    pub polarity: Polarity,
+    /// Otsu's threshold for two classes, grey levels away from the background towards the grain.
+    pub threshold_two: f64,
+    /// Otsu's two thresholds for three classes, in the same unit.
+    pub thresholds_three: [f64; 2],
+    /// The threshold that the first, pixel-accurate mask was cut at, in the same unit.
+    pub threshold_used: f64,
+    /// Otsu's separability (between-class over total variance, 0 … 1) for two classes.
+    pub separability_two: f64,
+    /// The same for three classes.
+    pub separability_three: f64,
+    /// Mean distance of the grain from the background, grey levels.
+    pub contrast: f64,
+    /// Standard deviation of the background about its model, grey levels.
+    pub noise: f64,
+    /// Area inside the outline, square pixels.
+    pub area_px: f64,
+    /// Openings left inside the outline.
+    pub holes_open: usize,
+    /// Columns and rows of the picture that hold a picture: `[first column, first row, end column, end row]`;
+    /// less than the whole where a black frame was cut off.
+    pub frame: [usize; 4],
+    /// The pedestal, where one was cut off.
+    pub pedestal: Option<PedestalSeen>,
+    /// Whether the grain reaches the left, right, top, bottom end of the picture: then part of it is not seen,
+    /// and what lies outside counts as background.
+    pub touches_border: [bool; 4],
+    /// What a person should know.
+    pub warnings: Vec<String>,
+}
+
+/// A pedestal that was cut off.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct PedestalSeen {
+    /// Row of its top at its centre column, pixels (subpixel).
+    pub top_row: f64,
+    /// Slope of its top, rows per column: the camera's roll.
+    pub top_slope: f64,
+    /// Its centre column at its top, pixels.
+    pub centre_column: f64,
+    /// Half its width, pixels.
+    pub half_width: f64,
+}
+
+/// A side of the picture, in the order of [`Report::touches_border`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Side {
+    /// Column 0.
+    Left,
+    /// The last column.
+    Right,
+    /// Row 0.
+    Top,
+    /// The last row.
+    Bottom,
+}
+
+impl Side {
+    /// All, in the order of [`Report::touches_border`].
+    pub const ALL: [Self; 4] = [Self::Left, Self::Right, Self::Top, Self::Bottom];
+
+    /// Its name in a sentence.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Left => "left",
+            Self::Right => "right",
+            Self::Top => "top",
+            Self::Bottom => "bottom",
+        }
+    }
+}

@@ -1,0 +1,173 @@
+//! Where the grain is, in which channel it shows best, and whether it is the bright or the dark one.
+
+use super::backdrop::Backdrop;
+use super::frame::Rect;
+use super::mask::{Connect, Mask};
+use super::otsu::Histogram;
+use super::reduced::Reduced;
+use super::{Channel, Picture, Polarity, Settings, SilhouetteError};
+use rayon::prelude::*;
+
+/// A cell this many standard deviations off the background may be grain.
+const SEED_SIGMAS: f64 = 6.0;
+/// The same as a share of the strongest contrast: keeps smudges on the background out.
+const SEED_SHARE: f64 = 0.1;
+/// Least contrast of a grain, grey levels: below it no outline can be placed.
+const LEAST_CONTRAST: f64 = 8.0;
+/// Contrast of a grain in standard deviations of the background's cells.
+const CONTRAST_SIGMAS: f64 = 5.0;
+/// Cells whose contrast is called the strongest: the upper share of all cells.
+const STRONGEST: f64 = 0.001;
+/// An object beside the largest belongs to it when it weighs at least this share of it.
+const COMPANION: f64 = 0.05;
+/// Background left around the grain, as a share of the grain's longer side.
+const MARGIN: f64 = 0.25;
+/// Greatest share of the picture's ends (not the lower one) that the grain may cover.
+const LARGEST_RING_SHARE: f64 = 0.5;
+
+/// What the search found.
+pub(super) struct Scene {
+    pub channel: Channel,
+    pub bright_grain: bool,
+    pub backdrop: Backdrop,
+    pub region: Rect,
+}
+
+/// A channel and a polarity, judged.
+struct Candidate {
+    scene: Scene,
+    contrast: f64,
+    ring_share: f64,
+    score: f64,
+}
+
+/// Looks at every channel and polarity that the settings allow and takes the one that separates best.
+pub(super) fn search(
+    picture: &Picture,
+    empty: Option<&Picture>,
+    frame: &Rect,
+    settings: &Settings,
+) -> Result<Scene, SilhouetteError> {
+    let reduced = Reduced::of(picture, frame);
+    let empty = empty.map(|stage| Reduced::of(stage, frame));
+    let grey = picture.channels() == 1;
+    let channels: &[Channel] = match settings.channel {
+        Channel::Auto if grey => &[Channel::Luma],
+        Channel::Auto => &Channel::CANDIDATES,
+        channel if grey && channel != Channel::Luma => return Err(SilhouetteError::NoColour { channel }),
+        ref channel => std::slice::from_ref(channel),
+    };
+    let candidates: Vec<Candidate> = (channels.par_iter())
+        .map(|&channel| judge(&reduced, empty.as_ref(), channel, frame, settings))
+        .collect();
+    let strongest = candidates.iter().max_by(|a, b| a.contrast.total_cmp(&b.contrast));
+    let (contrast, noise) = strongest.map_or((0.0, 0.0), |c| (c.contrast, c.scene.backdrop.noise));
+    let seen = |c: &Candidate| c.contrast >= needed(c.scene.backdrop.noise);
+    let any_seen = candidates.iter().any(seen);
+    let least_ring = candidates.iter().map(|c| c.ring_share).fold(f64::INFINITY, f64::min);
+    (candidates.into_iter())
+        .filter(|c| seen(c) && c.ring_share <= LARGEST_RING_SHARE)
+        .reduce(|best, c| if c.score > best.score { c } else { best })
+        .map(|best| best.scene)
+        .ok_or(if any_seen {
+            SilhouetteError::NoBackground { share: 100.0 * least_ring, limit: 100.0 * LARGEST_RING_SHARE }
+        } else {
+            SilhouetteError::NoContrast { contrast, limit: needed(noise), noise }
+        })
+}
+
+fn needed(noise: f64) -> f64 {
+    LEAST_CONTRAST.max(CONTRAST_SIGMAS * noise)
+}
+
+fn judge(
+    reduced: &Reduced,
+    empty: Option<&Reduced>,
+    channel: Channel,
+    frame: &Rect,
+    settings: &Settings,
+) -> Candidate {
+    let levels = reduced.channel(channel);
+    let backdrop = Backdrop::fit(reduced, &levels, empty.map(|stage| stage.channel(channel)));
+    let model = backdrop.cells(reduced);
+    let mut off: Vec<f32> = levels.iter().zip(&model).map(|(v, m)| v - m).collect();
+    // The strongest contrast of either polarity.
+    let mut sorted = off.clone();
+    let few = (sorted.len() as f64 * STRONGEST) as usize;
+    let last = sorted.len() - 1;
+    let bright = f64::from(*sorted.select_nth_unstable_by(last - few, f32::total_cmp).1);
+    let dark = -f64::from(*sorted.select_nth_unstable_by(few, f32::total_cmp).1);
+    let seed = |strongest: f64| (SEED_SIGMAS * backdrop.noise).max(SEED_SHARE * strongest).max(1.0) as f32;
+    let bright_grain = match settings.polarity {
+        Polarity::BrightBackground => false,
+        Polarity::DarkBackground => true,
+        Polarity::Auto => {
+            // Whichever side of the background outweighs the other is the grain; highlights do not.
+            let limit = seed(bright.max(dark));
+            let weight = |sign: f32| off.iter().map(|v| f64::from((sign * v - limit).max(0.0))).sum::<f64>();
+            weight(1.0) > weight(-1.0)
+        }
+    };
+    if !bright_grain {
+        off.iter_mut().for_each(|v| *v = -*v);
+    }
+    let strongest = if bright_grain { bright } else { dark };
+    let limit = seed(strongest);
+    let mask = Mask {
+        width: reduced.width,
+        height: reduced.height,
+        bits: off.iter().map(|v| u8::from(*v > limit)).collect(),
+    };
+    let cells = region(&mask, &off).unwrap_or(Rect { x0: 0, y0: 0, x1: reduced.width, y1: reduced.height });
+    let pixels = |k: usize, axis: usize| reduced.origin[axis] + k * reduced.factor;
+    let exact = Rect {
+        x0: pixels(cells.x0, 0),
+        y0: pixels(cells.y0, 1),
+        x1: pixels(cells.x1, 0),
+        y1: pixels(cells.y1, 1),
+    };
+    let margin = (MARGIN * exact.width().max(exact.height()) as f64) as usize + 3 * reduced.factor + 12;
+    let region = exact.grown(margin, frame);
+    let mut histogram =
+        Histogram::new(-4.0 * backdrop.noise, (strongest + 5.0 * backdrop.noise) / 256.0, 256);
+    let around = Rect { x0: 0, y0: 0, x1: reduced.width, y1: reduced.height };
+    let around = cells.grown(margin.div_ceil(reduced.factor), &around);
+    for j in around.y0..around.y1 {
+        for v in &off[j * reduced.width + around.x0..j * reduced.width + around.x1] {
+            histogram.add(f64::from(*v));
+        }
+    }
+    let split = histogram.otsu2();
+    let (threshold, separability) = split.map_or((f64::INFINITY, 0.0), |s| (s.threshold, s.separability));
+    let contrast = split.map_or(0.0, |s| s.means[1] - s.means[0]).min(strongest.max(0.0));
+    let (mut ring, mut covered) = (0usize, 0usize);
+    for (k, v) in off.iter().enumerate() {
+        if reduced.in_ring(k % reduced.width, k / reduced.width) {
+            ring += 1;
+            covered += usize::from(f64::from(*v) > threshold);
+        }
+    }
+    let ring_share = covered as f64 / ring.max(1) as f64;
+    let score = separability * (1.0 - ring_share) - channel.handicap();
+    Candidate { scene: Scene { channel, bright_grain, backdrop, region }, contrast, ring_share, score }
+}
+
+/// Cells of the heaviest object and of those that belong to it.
+fn region(mask: &Mask, weight: &[f32]) -> Option<Rect> {
+    let (runs, components) = mask.components(Connect::Corners);
+    let mut weights = vec![0f64; components.len()];
+    for run in &runs {
+        let cells = &weight[run.row * mask.width + run.start..run.row * mask.width + run.end];
+        weights[run.component] += cells.iter().map(|v| f64::from(*v)).sum::<f64>();
+    }
+    let heaviest = weights.iter().copied().fold(0.0, f64::max);
+    (components.iter().zip(&weights))
+        .filter(|(_, w)| **w >= COMPANION * heaviest)
+        .map(|(c, _)| Rect { x0: c.least[0], y0: c.least[1], x1: c.greatest[0] + 1, y1: c.greatest[1] + 1 })
+        .reduce(|a, b| Rect {
+            x0: a.x0.min(b.x0),
+            y0: a.y0.min(b.y0),
+            x1: a.x1.max(b.x1),
+            y1: a.y1.max(b.y1),
+        })
+}

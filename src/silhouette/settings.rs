@@ -1,0 +1,103 @@
+//! What a person may set about silhouettes; the defaults suit a backlit grain, a blue screen and a black one.
+
+use super::{Channel, SilhouetteError};
+use serde::{Deserialize, Serialize};
+
+/// Settings of [`find`](super::find).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Settings {
+    /// Which combination of colours tells the grain from the background.
+    pub channel: Channel,
+    /// Whether the background is brighter or darker than the grain in that channel.
+    pub polarity: Polarity,
+    /// Into how many classes Otsu's method splits the grey values when the first threshold is sought.
+    pub classes: Classes,
+    /// Whether a pedestal under the grain is looked for and cut off.
+    pub pedestal: PedestalMode,
+    /// What happens to openings inside the outline.
+    pub holes: Holes,
+    /// The least area of a grain, square pixels of the picture; anything smaller is dust.
+    pub min_area_px: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            channel: Channel::Auto,
+            polarity: Polarity::Auto,
+            classes: Classes::Auto,
+            pedestal: PedestalMode::Auto,
+            holes: Holes::Auto,
+            min_area_px: 400.0,
+        }
+    }
+}
+
+impl Settings {
+    /// Whether every number makes sense.
+    ///
+    /// # Errors
+    /// Names the setting that does not.
+    pub fn check(&self) -> Result<(), SilhouetteError> {
+        if !(self.min_area_px >= 1.0 && self.min_area_px.is_finite()) {
+            return Err(SilhouetteError::Setting {
+                name: "min_area_px",
+                value: self.min_area_px,
+                limit: "a finite number of square pixels, at least 1",
+            });
+        }
+        Ok(())
+    }
+}
+
+/// Which of grain and background is the brighter one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Polarity {
+    /// What the picture's border shows is background; the other one is the grain.
+    #[default]
+    Auto,
+    /// A dark grain before a bright background (backlight).
+    BrightBackground,
+    /// A bright grain before a dark background.
+    DarkBackground,
+}
+
+/// How many classes the grey values fall into.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Classes {
+    /// Three where the lowest class is still clear of the background's noise, else two.
+    #[default]
+    Auto,
+    /// Grain and background.
+    Two,
+    /// Grain, background, and a third: the pedestal, or the grain's own shadows.
+    Three,
+}
+
+/// Whether a pedestal is looked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PedestalMode {
+    /// Cut off what rises from the lower border with straight, upright sides and a level top.
+    #[default]
+    Auto,
+    /// There is none, or it is to be kept.
+    None,
+}
+
+/// What happens to openings inside the outline.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Holes {
+    /// As `background` where a difference of two colours tells grain from background, else as `fill`: by
+    /// brightness alone a clear grain's highlight, or a shadow, cannot be told from a see-through gap.
+    #[default]
+    Auto,
+    /// Fill every opening.
+    Fill,
+    /// Leave open what is large enough and looks like the background; fill the rest.
+    Background,
+}
