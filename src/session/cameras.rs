@@ -15,6 +15,10 @@ use std::collections::BTreeMap;
 /// How far R·Rᵀ may be from the identity before R is no rotation: files are written with six digits or more.
 const ROTATION_TOLERANCE: f64 = 1e-3;
 const MM_PER_M: f64 = 1000.0;
+/// Greater numbers are no camera's, and their products might overflow.
+const GREATEST: f64 = 1e15;
+/// Far more rounds than the decomposition of a matrix with three columns takes.
+const ROUNDS: usize = 1000;
 
 /// A line's number, the picture's name where the line has one, and P in mm.
 type Row = (usize, Option<String>, Matrix3x4<f64>);
@@ -117,8 +121,10 @@ fn numbers<'a, const N: usize>(
         let value: f64 = field
             .parse()
             .map_err(|_| fault(line, format!("{shown:?} is no number; write it as 1.5 or 1.5e-3")))?;
-        if !value.is_finite() {
-            return Err(fault(line, format!("{shown} is not finite; every number must be")));
+        // Written so that what is no number is refused too.
+        if !(-GREATEST..=GREATEST).contains(&value) {
+            let reason = format!("{shown} is not within ±{GREATEST:e}; write the camera in pixels and mm");
+            return Err(fault(line, reason));
         }
         values.push(value);
     }
@@ -147,12 +153,12 @@ fn matched(rows: Vec<Row>, images: &[&str]) -> Result<Vec<(String, Matrix3x4<f64
         }
         by_name.insert(name, p);
     }
-    let one = |&image: &&str| match by_name.get(image) {
-        Some(p) => Ok((image.to_owned(), *p)),
-        None => {
-            let known = few(by_name.keys().map(String::as_str));
-            Err(SessionError::NoCamera { image: image.to_owned(), known })
-        }
+    let one = |&image: &&str| {
+        let known = || few(by_name.keys().map(String::as_str));
+        let p = by_name
+            .get(image)
+            .ok_or_else(|| SessionError::NoCamera { image: image.to_owned(), known: known() })?;
+        Ok((image.to_owned(), *p))
     };
     images.iter().map(one).collect()
 }
@@ -201,7 +207,6 @@ fn scene(cameras: &[(String, Matrix3x4<f64>)], middle: [f64; 2]) -> Point {
         }
     }
     // Cameras that are all alike leave a direction open: the solution of least norm is as good as any.
-    let x =
-        a.svd(true, true).solve(&b, 1e-12).unwrap_or_else(|_| DMatrix::zeros(3, 1).column(0).into_owned());
-    Point::new(x[0], x[1], x[2])
+    let solved = a.try_svd(true, true, f64::EPSILON, ROUNDS).and_then(|svd| svd.solve(&b, 1e-12).ok());
+    solved.map_or_else(Point::origin, |x| Point::new(x[0], x[1], x[2]))
 }
