@@ -161,6 +161,33 @@ pub enum SessionError {
         /// A few names that are there.
         there: String,
     },
+    /// A picture without a camera.
+    #[error(
+        "the camera file has no camera for {image}; it has {known}; add a line for it, or narrow the pattern"
+    )]
+    NoCamera {
+        /// The picture's file name.
+        image: String,
+        /// Some names that it has.
+        known: String,
+    },
+    /// A camera that does not see what the others see.
+    #[error(
+        "{image}: the place that the cameras look at comes to column {column:.0}, row {row:.0} of a picture of \
+         {width} × {height} px; check that each camera stands beside its own picture's name"
+    )]
+    Astray {
+        /// The picture's file name.
+        image: String,
+        /// Column, px.
+        column: f64,
+        /// Row, px.
+        row: f64,
+        /// Width of the picture, px.
+        width: u32,
+        /// Height of the picture, px.
+        height: u32,
+    },
     /// A camera file that cannot be used.
     #[error("camera file, line {line}: {reason}")]
     Cameras {

@@ -10,15 +10,19 @@
 //!
 //! A view is captured when its bytes are written, synced, hashed and journalled, in that order.
 
+pub mod cameras;
 mod disk;
 mod error;
 pub mod event;
+pub mod import;
 pub mod journal;
 pub mod manifest;
 mod name;
 pub mod picture;
 mod recording;
+pub mod replay;
 mod store;
+mod verify;
 mod writer;
 
 pub use disk::{check_space, free_bytes, sha256_hex};
@@ -27,4 +31,5 @@ pub use manifest::{Manifest, Origin, Plan, PlannedView, required_bytes};
 pub use name::check_name;
 pub use recording::{Recording, State};
 pub use store::{Staged, Store, Summary};
+pub use verify::{Fault, VerifyReport, verify};
 pub use writer::{ProductWriter, Session};

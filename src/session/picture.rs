@@ -9,12 +9,21 @@ const SIDE_LIMIT: u32 = 32_768;
 /// Most memory for one decoded picture, bytes.
 const MEMORY_LIMIT: u64 = 1 << 30;
 
+/// Most bytes of a picture file: 100 Mpx as 16-bit colour TIFF come to 600 MB.
+pub(super) const FILE_LIMIT: u64 = 1 << 30;
+
 /// Why a picture file cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum PictureFault {
     /// No bytes at all.
     #[error("the picture has 0 bytes; check the camera's connection, or remove the file")]
     Empty,
+    /// Too large to be a photograph.
+    #[error("the picture has {bytes} bytes, the limit is {FILE_LIMIT}; export it smaller")]
+    TooLarge {
+        /// Its size.
+        bytes: u64,
+    },
     /// No picture file that is known.
     #[error("the picture begins with {0}, which is neither JPEG, PNG nor TIFF; set the camera to JPEG")]
     Unknown(String),

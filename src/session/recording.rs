@@ -3,7 +3,7 @@
 use super::SessionError;
 use super::disk::{LOCK, sha256_hex};
 use super::event::{CapturedView, Event, Happening, ProductRecord};
-use super::journal::{Chain, Decoder};
+use super::journal::{Chain, Damage, Decoder};
 use super::manifest::{ArchivedFile, FORMAT_VERSION, Manifest};
 use super::name::check_name;
 use crate::rig::{Encoding, Frame};
@@ -55,6 +55,16 @@ impl Recording {
     /// # Errors
     /// [`SessionError`] where the folder is no session, or its manifest or journal is damaged.
     pub fn read(folder: &Path) -> Result<Self, SessionError> {
+        match Self::read_to_damage(folder)? {
+            (it, None) => Ok(it),
+            (_, Some(Damage { line, reason })) => {
+                Err(SessionError::Journal { path: folder.join(JOURNAL), line, reason })
+            }
+        }
+    }
+
+    /// As [`Self::read`], but a damaged journal is read as far as it is whole.
+    pub(super) fn read_to_damage(folder: &Path) -> Result<(Self, Option<Damage>), SessionError> {
         let bytes = read_manifest(folder)?;
         let mut it = Self {
             folder: folder.to_owned(),
@@ -69,32 +79,32 @@ impl Recording {
         let path = folder.join(JOURNAL);
         let mut file = match std::fs::File::open(&path) {
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-                return Err(SessionError::Journal {
-                    path,
-                    line: 0,
-                    reason: "the file is missing".to_owned(),
-                });
+                return Ok((it, Some(Damage { line: 1, reason: "the file is missing".to_owned() })));
             }
             other => other.map_err(SessionError::io("open", &path, 0))?,
         };
         let mut decoder = Decoder::new(it.chain.clone());
         let mut buffer = vec![0; 1 << 16];
+        let mut damage = None;
         loop {
             let n = file.read(&mut buffer).map_err(SessionError::io("read", &path, 0))?;
             decoder.push(&buffer[..n]);
-            while let Some(next) = decoder.next() {
-                let damage = |line, reason| SessionError::Journal { path: path.clone(), line, reason };
-                let record = next.map_err(|d| damage(d.line, d.reason))?;
+            while let Some(next) = decoder.next()
+                && damage.is_none()
+            {
                 let line = it.events.len() + 1;
-                it.check(&record.event.what).map_err(|reason| damage(line, reason))?;
-                it.take(record.event);
+                let contradiction = |reason| Damage { line, reason };
+                match next.and_then(|r| it.check(&r.event.what).map(|()| r).map_err(contradiction)) {
+                    Ok(record) => it.take(record.event),
+                    Err(found) => damage = Some(found),
+                }
             }
-            if n == 0 {
+            if n == 0 || damage.is_some() {
                 break;
             }
         }
         (it.chain, it.good_bytes, it.torn_bytes) = decoder.finish();
-        Ok(it)
+        Ok((it, damage))
     }
 
     /// The reason why an event contradicts the plan or the events before it, where it does.
