@@ -4,6 +4,7 @@
 //! `tests/layering.rs` proves. Lengths are mm, angles radians inside; see `ARCHITECTURE.md`.
 
 pub mod rig;
+pub mod server;
 pub mod session;
 // Below this line: pure computation. No files, clock, threads of its own, logging or async; rayon only.
 pub mod calibrate;
