@@ -72,9 +72,6 @@ export function fileUrl(session, folder, file) {
   return `${API}/sessions/${encodeURIComponent(session)}/${folder}/${encodeURIComponent(file)}`;
 }
 
-/** @param {string} session */
-export const sessionUrl = (session) => `${API}/sessions/${encodeURIComponent(session)}`;
-
 /**
  * Follows the event stream for as long as the page is open.
  *

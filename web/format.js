@@ -3,10 +3,10 @@
 
 /** @typedef {import("./status.js").RigEvent} RigEvent */
 
-/** Units by the ending of a field's name, as the daemon's conventions have them. */
+/** Units by the ending of a field's name, as the daemon's conventions have them; the longer first. */
 const UNITS = /** @type {[string, string][]} */ ([
-  ["_mm3", "mm³"], ["_mm2", "mm²"], ["_mm", "mm"], ["_um", "µm"], ["_px", "px"], ["_deg", "°"], ["_rad", "rad"],
-  ["_s", "s"], ["_n", "N"], ["_mpa", "MPa"], ["_percent", "%"],
+  ["_mm_per_px", "mm/px"], ["_mm3", "mm³"], ["_mm2", "mm²"], ["_mm", "mm"], ["_um", "µm"], ["_px2", "px²"],
+  ["_px", "px"], ["_deg", "°"], ["_rad", "rad"], ["_s", "s"], ["_n", "N"], ["_mpa", "MPa"], ["_percent", "%"],
 ]);
 
 /**
@@ -60,30 +60,45 @@ export function leaves(value, path = []) {
  * @returns {Leaf}
  */
 function leaf(path, shown) {
-  const name = path.join(".");
-  const unit = UNITS.find(([ending]) => name.toLowerCase().endsWith(ending));
-  const bare = unit ? name.slice(0, -unit[0].length) : name;
-  const value = !unit || shown === "–" ? shown : unit[1] === "°" ? `${shown}°` : `${shown} ${unit[1]}`;
-  return { path: name, label: bare.replaceAll("_", " ").replaceAll(".", " · "), value };
+  // The unit may be a field's or that of the group it stands in: `dihedral_deg.min`.
+  let unit = "";
+  const words = path.map((name) => {
+    const ending = UNITS.find(([ending]) => name.toLowerCase().endsWith(ending));
+    if (ending) unit = ending[1];
+    return (ending ? name.slice(0, -ending[0].length) : name).replaceAll("_", " ");
+  });
+  return { path: path.join("."), label: words.join(" · "), value: withUnit(shown, unit) };
 }
 
-/** The figures that stand large, each by the first place in the result that fits. */
-const HEADLINES = /** @type {[string, RegExp][]} */ ([
-  ["Volume", /volume_mm3$/],
-  ["Surface area", /(?<!projected_)area_mm2$/],
-  ["Nodes", /(^|[._])nodes$/],
-  ["Tetrahedra", /(^|[._])(tets|tetrahedra|elements)$/],
-  ["Worst quality", /(min(imum)?|worst)_(\w+_)?(quality|dihedral\w*|radius_edge\w*)$|quality[._](min|worst)\w*$/],
+/**
+ * @param {string} shown
+ * @param {string} unit
+ */
+function withUnit(shown, unit) {
+  if (unit === "" || shown === "–") return shown;
+  return unit === "°" ? `${shown}°` : `${shown} ${unit}`;
+}
+
+/** The figures that stand large: what they are, where the result has them, and how they were got. */
+const HEADLINES = /** @type {[string, string, string][]} */ ([
+  ["Volume", "hull.volume_mm3", "of the visual hull: an upper bound"],
+  ["Surface area", "hull.surface_area_mm2", "of the visual hull"],
+  ["Agreement", "hull.silhouette_iou.min", "worst view: hull seen again over silhouette"],
+  ["Nodes", "mesh.nodes", "of the tetrahedral mesh"],
+  ["Tetrahedra", "mesh.tetrahedra", "in the mesh"],
+  ["Mesh volume", "mesh.volume_mm3", "of the tetrahedra together"],
+  ["Smallest dihedral", "mesh.dihedral_deg.min", "angle between faces of a tetrahedron"],
+  ["Radius–edge ratio", "mesh.radius_edge.max", "worst tetrahedron; 0.61 is regular"],
 ]);
 
 /**
  * @param {Leaf[]} all
- * @returns {{ label: string, value: string, path: string }[]}
+ * @returns {{ label: string, value: string, how: string }[]}
  */
 export function headlines(all) {
-  return HEADLINES.flatMap(([label, place]) => {
-    const found = all.find((one) => place.test(one.path));
-    return found ? [{ label, value: found.value, path: found.path }] : [];
+  return HEADLINES.flatMap(([label, path, how]) => {
+    const found = all.find((one) => one.path === path);
+    return found ? [{ label, value: found.value, how }] : [];
   });
 }
 

@@ -1,7 +1,7 @@
 // @ts-check
 // The monitor page: shows the run as the daemon's events tell it, and hands on what a person wants.
 
-import { ApiError, fileUrl, follow, get, post, sessionUrl } from "./api.js";
+import { ApiError, fileUrl, follow, get, post } from "./api.js";
 import { draw } from "./chart.js";
 import { duration, headlines, leaves, line, volume } from "./format.js";
 import { fold, idle } from "./status.js";
@@ -168,11 +168,11 @@ function showHull() {
 }
 
 function showResult() {
-  const all = status.result === null ? [] : leaves(status.result);
+  const all = status.result === null ? [] : leaves(status.result).filter(({ path }) => !path.startsWith("view_details."));
   part("no-result").hidden = all.length > 0;
   part("headline").replaceChildren(
-    ...headlines(all).map(({ label, value, path }) =>
-      make("div", { title: path }, make("dt", {}, label), make("dd", {}, value)),
+    ...headlines(all).map(({ label, value, how }) =>
+      make("div", {}, make("dt", {}, label), make("dd", {}, value), make("dd", { class: "hint" }, how)),
     ),
   );
   part("all").hidden = all.length === 0;
@@ -180,11 +180,8 @@ function showResult() {
     ...all.map(({ label, value }) => make("tr", {}, make("th", { scope: "row" }, label), make("td", {}, value))),
   );
   part("products-title").hidden = status.products.length === 0;
-  part("products").replaceChildren(
-    ...status.products.map((file) =>
-      make("li", {}, make("a", { href: fileUrl(status.session ?? "", "products", file) }, file)),
-    ),
-  );
+  const list = status.products.map((file) => ({ file }));
+  part("products").replaceChildren(...(list.length > 0 ? [files(status.session ?? "", "products", list)] : []));
 }
 
 function showControls() {
@@ -220,15 +217,46 @@ async function showSessions() {
     return;
   }
   part("no-sessions").hidden = sessions.length > 0;
-  part("sessions").replaceChildren(
-    ...sessions.map((session) => {
-      const name = String(session.name ?? session.id ?? "?");
-      const about = leaves({ ...session, name: undefined, id: undefined })
-        .filter(({ value }) => value !== "–")
-        .slice(0, 3)
-        .map(({ label, value }) => `${label} ${value}`);
-      return make("li", {}, make("a", { href: sessionUrl(name) }, name), make("span", { class: "hint" }, about.join(" · ")));
-    }),
+  part("sessions").replaceChildren(...sessions.map(sessionItem));
+}
+
+/**
+ * One session, whose files are asked for when it is opened.
+ * @param {any} session
+ */
+function sessionItem(session) {
+  const about = [];
+  if (session.created) about.push(new Date(session.created).toLocaleString("en-GB", { dateStyle: "medium", timeStyle: "short" }));
+  if (session.planned) about.push(`${session.captured ?? "?"} of ${session.planned} views`);
+  if (session.state) about.push(String(session.state).replaceAll("_", " "));
+  const summary = make("summary", {}, make("b", {}, session.name), make("span", { class: "hint" }, about.join(" · ")));
+  const item = make("details", {}, summary);
+  if (session.damage) item.append(make("p", { class: "run-error" }, session.damage));
+  item.addEventListener("toggle", async () => {
+    if (!(/** @type {HTMLDetailsElement} */ (item).open) || item.dataset.asked) return;
+    item.dataset.asked = "yes";
+    try {
+      const { frames = [], products = [] } = await get(`/sessions/${encodeURIComponent(session.name)}`);
+      item.append(files(session.name, "products", products), files(session.name, "frames", frames));
+    } catch (error) {
+      delete item.dataset.asked;
+      complain(error);
+    }
+  });
+  return make("li", {}, item);
+}
+
+/**
+ * @param {string} session
+ * @param {"frames"|"products"} folder
+ * @param {{ file: string }[]} list
+ */
+function files(session, folder, list) {
+  if (list.length === 0) return make("p", { class: "hint" }, `No ${folder}.`);
+  return make(
+    "ul",
+    { class: "files" },
+    ...list.map(({ file }) => make("li", {}, make("a", { href: fileUrl(session, folder, file) }, file))),
   );
 }
 

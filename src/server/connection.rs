@@ -104,7 +104,7 @@ impl AsyncRead for Connection {
     ) -> Poll<io::Result<()>> {
         match Pin::new(&mut self.stream).poll_read(context, buffer) {
             Poll::Pending => self.wait_for_deadline(context),
-            ready => {
+            ready @ Poll::Ready(_) => {
                 if std::mem::take(&mut self.between_requests) {
                     self.restart_deadline();
                 }

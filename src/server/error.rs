@@ -65,15 +65,15 @@ pub enum ServerError {
         /// The address.
         address: SocketAddr,
     },
-    /// A token that can be guessed or does not fit in a header.
+    /// A token that can be guessed or does not fit in an address.
     #[error(
-        "the token has {length} characters, of which {unfit} are not visible ASCII; at least \
-         {MIN_TOKEN_LENGTH} are needed, all of them visible ASCII: take the output of `openssl rand -hex 16`"
+        "the token has {length} characters, of which {unfit} may not be in one; at least {MIN_TOKEN_LENGTH} are \
+         needed, letters, digits and `-._~`: take the output of `openssl rand -hex 16`"
     )]
     WeakToken {
         /// Its characters.
         length: usize,
-        /// Characters that are not visible ASCII.
+        /// Characters that may not be in a token.
         unfit: usize,
     },
     /// The rig would not.

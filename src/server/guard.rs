@@ -4,7 +4,7 @@
 //! name made to point here (DNS rebinding) shows in `Host`; a form or script of another site shows in
 //! `Origin`; and the content type of a JSON body cannot be had by a form at all.
 
-use std::net::{IpAddr, SocketAddr};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderValue, Method, Uri, header};
@@ -28,14 +28,15 @@ const PAGE_POLICY: &str =
 ///
 /// # Errors
 /// [`ServerError::OpenToAll`] off loopback without a token; [`ServerError::WeakToken`] for a token that
-/// is short or does not fit in a header.
+/// is short or does not fit in an address.
 pub fn check_bind(address: SocketAddr, token: Option<&str>) -> Result<(), ServerError> {
     match token {
         None if address.ip().to_canonical().is_loopback() => Ok(()),
         None => Err(ServerError::OpenToAll { address }),
         Some(token) => {
             let length = token.chars().count();
-            let unfit = token.chars().filter(|c| !c.is_ascii_graphic()).count();
+            let fits = |c: char| c.is_ascii_alphanumeric() || "-._~".contains(c);
+            let unfit = token.chars().filter(|c| !fits(*c)).count();
             if length < MIN_TOKEN_LENGTH || unfit > 0 {
                 return Err(ServerError::WeakToken { length, unfit });
             }
@@ -64,7 +65,7 @@ impl Guard {
     pub(super) fn new(address: SocketAddr, token: Option<&str>, allowed_hosts: &[String]) -> Self {
         let token = token.map(|token| Token {
             digest: Sha256::digest(token).into(),
-            cookie: hex(&Sha256::digest(format!("grainrig cookie {token}"))),
+            cookie: format!("{:x}", Sha256::digest(format!("grainrig cookie {token}"))),
         });
         let allowed_hosts = allowed_hosts.iter().map(|host| host.to_ascii_lowercase()).collect();
         Self { token, allowed_hosts, any_address: !address.ip().to_canonical().is_loopback() }
@@ -91,8 +92,12 @@ impl Guard {
         if name == "localhost" || self.allowed_hosts.iter().any(|host| host == name) {
             return true;
         }
-        let literal = name.strip_prefix('[').and_then(|name| name.strip_suffix(']')).unwrap_or(name);
-        literal.parse::<IpAddr>().is_ok_and(|ip| self.any_address || ip.to_canonical().is_loopback())
+        let bracketed = name.strip_prefix('[').and_then(|name| name.strip_suffix(']'));
+        let ip = match bracketed {
+            Some(name) => name.parse::<Ipv6Addr>().map(IpAddr::V6),
+            None => name.parse::<Ipv4Addr>().map(IpAddr::V4),
+        };
+        ip.is_ok_and(|ip| self.any_address || ip.to_canonical().is_loopback())
     }
 
     /// A page of ours sends no `Origin`, or one with the host it was opened at. Behind a proxy that is
@@ -192,7 +197,7 @@ impl Guard {
     }
 }
 
-/// The `token` in the query. Tokens are visible ASCII; one with `%`, `&`, `+` or `#` must go in the header.
+/// The `token` in the query; none of the characters a token may have is ever percent-encoded.
 fn query_token(uri: &Uri) -> Option<&str> {
     uri.query()?.split('&').find_map(|pair| pair.strip_prefix("token="))
 }
@@ -217,10 +222,6 @@ pub(super) fn shortened(text: &str) -> String {
     text.chars().filter(|c| !c.is_control()).take(80).collect()
 }
 
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -236,8 +237,15 @@ mod tests {
         for ours in ["localhost", "localhost:80", "127.0.0.1:80", "127.8.8.8", "[::1]:80", "LAB.example:9"] {
             assert!(host(&local, ours), "{ours}");
         }
-        let foreign =
-            ["evil.example", "", "192.168.1.5", "localhost.evil.example", "127.0.0.1.evil.example", "::1:"];
+        let foreign = [
+            "evil.example",
+            "",
+            "192.168.1.5",
+            "localhost.evil.example",
+            "127.0.0.1.evil.example",
+            "::1:",
+            "::1",
+        ];
         for foreign in foreign {
             assert!(!host(&local, foreign), "{foreign}");
         }
@@ -257,13 +265,17 @@ mod tests {
 
     #[test]
     fn listening_to_the_network_needs_a_good_token() {
-        let check = |address: &str, token| check_bind(address.parse().unwrap(), token);
+        fn check(address: &str, token: Option<&str>) -> Result<(), ServerError> {
+            check_bind(address.parse().unwrap(), token)
+        }
         assert!(check("127.0.0.1:1", None).is_ok() && check("[::1]:1", None).is_ok());
         let error = check("0.0.0.0:8080", None).unwrap_err().to_string();
         assert!(error.contains("0.0.0.0:8080") && error.contains("token of at least 16"), "{error}");
         assert!(check("[::]:1", None).is_err() && check("192.168.1.5:1", None).is_err());
         assert!(check("0.0.0.0:1", Some("0123456789abcdef")).is_ok());
         assert!(check("127.0.0.1:1", Some("short")).is_err());
-        assert!(check("0.0.0.0:1", Some("0123456789abcde ")).is_err());
+        for unfit in [" ", "&", "%", "ä", "\n"] {
+            assert!(check("0.0.0.0:1", Some(&format!("0123456789abcdef{unfit}"))).is_err(), "{unfit:?}");
+        }
     }
 }

@@ -72,13 +72,15 @@ pub trait Rig: Send + Sync + 'static {
     /// [`RefusalKind::Busy`] when there is none.
     fn abort(&self) -> Result<(), Refusal>;
 
-    /// The sessions in the data folder, newest first, as a JSON array of objects with at least `name`.
+    /// The sessions in the data folder: a JSON array of objects with at least `name`; the page also shows
+    /// `created`, `captured`, `planned`, `state` and `damage` where they are there.
     ///
     /// # Errors
     /// [`RefusalKind::Disk`] when the folder cannot be read.
     fn sessions(&self) -> Result<serde_json::Value, Refusal>;
 
-    /// One session.
+    /// One session: a JSON object; the page shows the `file` of each object in its arrays `frames` and
+    /// `products`.
     ///
     /// # Errors
     /// [`RefusalKind::NotFound`] when there is none of that name.

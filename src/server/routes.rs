@@ -121,7 +121,7 @@ pub(super) async fn start(
     (status = 409, description = "There is nothing to pause", body = ErrorBody),
 ))]
 pub(super) async fn pause(State(app): State<App>) -> Result<StatusCode, ServerError> {
-    on_rig(&app, |rig| rig.pause()).await.map(|_| StatusCode::NO_CONTENT)
+    on_rig(&app, Rig::pause).await.map(|_| StatusCode::NO_CONTENT)
 }
 
 /// Lets a paused run go on.
@@ -132,7 +132,7 @@ pub(super) async fn pause(State(app): State<App>) -> Result<StatusCode, ServerEr
     (status = 409, description = "No run is paused", body = ErrorBody),
 ))]
 pub(super) async fn resume(State(app): State<App>) -> Result<StatusCode, ServerError> {
-    on_rig(&app, |rig| rig.resume()).await.map(|_| StatusCode::NO_CONTENT)
+    on_rig(&app, Rig::resume).await.map(|_| StatusCode::NO_CONTENT)
 }
 
 /// Stops the run; what was captured stays.
@@ -143,16 +143,16 @@ pub(super) async fn resume(State(app): State<App>) -> Result<StatusCode, ServerE
     (status = 409, description = "There is no run", body = ErrorBody),
 ))]
 pub(super) async fn abort(State(app): State<App>) -> Result<StatusCode, ServerError> {
-    on_rig(&app, |rig| rig.abort()).await.map(|_| StatusCode::NO_CONTENT)
+    on_rig(&app, Rig::abort).await.map(|_| StatusCode::NO_CONTENT)
 }
 
 /// The sessions in the data folder.
 #[utoipa::path(get, path = "/api/v1/sessions", tag = "sessions", responses(
-    (status = 200, description = "The sessions, newest first", body = Vec<Object>),
+    (status = 200, description = "The sessions", body = Vec<Object>),
     (status = 401, description = "No token", body = ErrorBody),
 ))]
 pub(super) async fn sessions(State(app): State<App>) -> Result<Json<serde_json::Value>, ServerError> {
-    on_rig(&app, |rig| rig.sessions()).await
+    on_rig(&app, Rig::sessions).await
 }
 
 /// One session: its manifest, its frames and its products.
@@ -185,7 +185,7 @@ pub(super) async fn frame(
     State(app): State<App>,
     path: Result<Path<(String, String)>, PathRejection>,
 ) -> Result<Response, ServerError> {
-    file(&app, path, |rig, id, name| rig.frame(id, name)).await
+    file(&app, path, Rig::frame).await
 }
 
 /// A product: mesh, deck, figure or report.
@@ -201,7 +201,7 @@ pub(super) async fn product(
     State(app): State<App>,
     path: Result<Path<(String, String)>, PathRejection>,
 ) -> Result<Response, ServerError> {
-    file(&app, path, |rig, id, name| rig.product(id, name)).await
+    file(&app, path, Rig::product).await
 }
 
 /// Where an event stream begins.
@@ -289,7 +289,7 @@ fn event_message(event: &Event) -> Option<sse::Event> {
 async fn file(
     app: &App,
     path: Result<Path<(String, String)>, PathRejection>,
-    read: fn(&dyn Rig, &str, &str) -> Result<(Vec<u8>, &'static str), Refusal>,
+    read: impl FnOnce(&dyn Rig, &str, &str) -> Result<(Vec<u8>, &'static str), Refusal> + Send + 'static,
 ) -> Result<Response, ServerError> {
     let Path((id, name)) = path?;
     check_name("session", &id, SESSION_NAME_LIMIT)?;
