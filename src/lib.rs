@@ -6,6 +6,7 @@
 pub mod acquire;
 pub mod export;
 pub mod rig;
+pub mod server;
 pub mod session;
 // Below this line: pure computation. No files, clock, threads of its own, logging or async; rayon only.
 pub mod calibrate;

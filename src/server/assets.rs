@@ -1,0 +1,26 @@
+//! The monitor page, held in the binary: one file to install, and no path for a request to leave.
+
+use axum::Router;
+use axum::http::header;
+use axum::routing::get;
+
+use super::routes::App;
+
+/// Address, content type and bytes of every file of the page.
+const FILES: [(&str, &str, &[u8]); 8] = [
+    ("/", "text/html; charset=utf-8", include_bytes!("../../web/index.html")),
+    ("/monitor.css", "text/css; charset=utf-8", include_bytes!("../../web/monitor.css")),
+    ("/monitor.js", JS, include_bytes!("../../web/monitor.js")),
+    ("/status.js", JS, include_bytes!("../../web/status.js")),
+    ("/format.js", JS, include_bytes!("../../web/format.js")),
+    ("/chart.js", JS, include_bytes!("../../web/chart.js")),
+    ("/api.js", JS, include_bytes!("../../web/api.js")),
+    ("/icon.svg", "image/svg+xml", include_bytes!("../../web/icon.svg")),
+];
+const JS: &str = "text/javascript; charset=utf-8";
+
+pub(super) fn routes() -> Router<App> {
+    FILES.into_iter().fold(Router::new(), |router, (address, content_type, bytes)| {
+        router.route(address, get(async move || ([(header::CONTENT_TYPE, content_type)], bytes)))
+    })
+}

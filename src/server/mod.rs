@@ -1,0 +1,181 @@
+//! The HTTP server: an API to watch and drive the rig, a stream of events, and the monitor page.
+//!
+//! ```text
+//!  connection ─▶ guard ─▶ routes ─▶ Rig (the daemon)
+//!   slots,        Host,     │  ▲
+//!   idle limit    Origin,   │  └── refusal → error: kind and message out, detail to the log
+//!                 token     └────▶ feed ─▶ server-sent events
+//! ```
+//!
+//! It is for one laboratory: loopback by default, one token beyond it, no TLS (put a proxy or an SSH
+//! tunnel before it on a network that others use).
+
+mod assets;
+mod connection;
+mod error;
+mod feed;
+mod guard;
+mod openapi;
+mod routes;
+mod status;
+
+use std::collections::BTreeMap;
+use std::future::Future;
+use std::io;
+use std::pin::pin;
+use std::sync::Arc;
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+use tokio::net::TcpListener;
+use tokio::sync::watch;
+use utoipa::ToSchema;
+
+pub use error::{ErrorBody, ErrorText, Refusal, RefusalKind, ServerError};
+pub use feed::{EventFeed, KEPT_EVENTS, Snapshot, Subscription};
+pub use guard::{MIN_TOKEN_LENGTH, check_bind};
+pub use status::{HullPoint, RunState, Stage, Status, ViewWarning};
+
+/// How long open requests may take after the end was asked for.
+const GRACE: Duration = Duration::from_secs(5);
+
+/// What the server drives. Its methods may block for a moment (they are called off the async threads),
+/// but not for the length of a run.
+pub trait Rig: Send + Sync + 'static {
+    /// Where the run stands, at least as a [`Status`]; more may be added to it.
+    fn status(&self) -> serde_json::Value {
+        serde_json::json!(self.events().status())
+    }
+
+    /// Begins a run and returns when it is certain that there will be one.
+    ///
+    /// # Errors
+    /// [`RefusalKind::Busy`] while another run goes on, [`RefusalKind::Invalid`] for a name or an
+    /// override that makes no sense, [`RefusalKind::Disk`] where the session cannot be made.
+    fn start(&self, request: RunRequest) -> Result<RunStarted, Refusal>;
+
+    /// Pauses the run after the view being taken.
+    ///
+    /// # Errors
+    /// [`RefusalKind::Busy`] when nothing runs that can be paused.
+    fn pause(&self) -> Result<(), Refusal>;
+
+    /// Lets a paused run go on.
+    ///
+    /// # Errors
+    /// [`RefusalKind::Busy`] when no run is paused.
+    fn resume(&self) -> Result<(), Refusal>;
+
+    /// Stops the run; what was captured stays.
+    ///
+    /// # Errors
+    /// [`RefusalKind::Busy`] when there is none.
+    fn abort(&self) -> Result<(), Refusal>;
+
+    /// The sessions in the data folder: a JSON array of objects with at least `name`; the page also shows
+    /// `created`, `captured`, `planned`, `state` and `damage` where they are there.
+    ///
+    /// # Errors
+    /// [`RefusalKind::Disk`] when the folder cannot be read.
+    fn sessions(&self) -> Result<serde_json::Value, Refusal>;
+
+    /// One session: a JSON object; the page shows the `file` of each object in its arrays `frames` and
+    /// `products`.
+    ///
+    /// # Errors
+    /// [`RefusalKind::NotFound`] when there is none of that name.
+    fn session(&self, id: &str) -> Result<serde_json::Value, Refusal>;
+
+    /// A captured picture and its content type. `file` comes from the network: look it up in the
+    /// session's own list, never join it to a path.
+    ///
+    /// # Errors
+    /// [`RefusalKind::NotFound`] when the session does not list it.
+    fn frame(&self, id: &str, file: &str) -> Result<(Vec<u8>, &'static str), Refusal>;
+
+    /// A product and its content type; as for [`Rig::frame`].
+    ///
+    /// # Errors
+    /// [`RefusalKind::NotFound`] when the session does not list it.
+    fn product(&self, id: &str, file: &str) -> Result<(Vec<u8>, &'static str), Refusal>;
+
+    /// The feed into which the rig pushes what happens.
+    fn events(&self) -> EventFeed;
+}
+
+/// A run to begin.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize, ToSchema)]
+pub struct RunRequest {
+    /// Name of the session: 1 to 64 bytes, no slash or control character, not beginning with a dot.
+    #[schema(example = "leighton-buzzard-07")]
+    pub name: String,
+    /// Settings that differ from the daemon's configuration for this run, by their name in it. The rig
+    /// refuses those it does not know.
+    #[serde(flatten)]
+    pub overrides: BTreeMap<String, serde_json::Value>,
+}
+
+/// A run that has begun.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, ToSchema)]
+pub struct RunStarted {
+    /// Name of its session.
+    pub session: String,
+}
+
+/// How to serve.
+#[derive(Debug, Clone)]
+pub struct ServeOptions {
+    /// What a client must show; needed off loopback.
+    pub token: Option<String>,
+    /// Names, beside loopback's, by which a browser may open the page: a proxy's or the machine's own.
+    pub allowed_hosts: Vec<String>,
+    /// A connection to which nothing could be written for this long is closed.
+    pub idle_limit: Duration,
+}
+
+impl Default for ServeOptions {
+    fn default() -> Self {
+        Self { token: None, allowed_hosts: Vec::new(), idle_limit: Duration::from_secs(30) }
+    }
+}
+
+/// Serves the rig on `listener` until `shutdown`, then ends the event streams, lets open requests finish
+/// for up to 5 s, and returns.
+///
+/// # Errors
+/// What [`check_bind`] says of the listener's address and the token, and failures of the listener.
+pub async fn serve(
+    listener: TcpListener,
+    rig: Arc<dyn Rig>,
+    options: ServeOptions,
+    shutdown: impl Future<Output = ()>,
+) -> io::Result<()> {
+    let address = listener.local_addr()?;
+    let token = options.token.as_deref();
+    check_bind(address, token).map_err(io::Error::other)?;
+    let (stop, stopping) = watch::channel(false);
+    let app = routes::App {
+        rig,
+        guard: Arc::new(guard::Guard::new(address, token, &options.allowed_hosts)),
+        stopping: stopping.clone(),
+        // Twice in the limit, so that a silent event stream is not taken for an idle connection.
+        keep_alive: options.idle_limit / 2,
+    };
+    let doorkeeper = connection::Doorkeeper::new(listener, options.idle_limit);
+    let stopped = async move {
+        let mut stopping = stopping;
+        // An error means that the sender is gone, and with it this server.
+        let _ = stopping.wait_for(|stopping| *stopping).await;
+    };
+    let server = axum::serve(doorkeeper, routes::router(app)).with_graceful_shutdown(stopped);
+    let mut server = pin!(server.into_future());
+    tokio::select! {
+        ended = &mut server => return ended,
+        () = shutdown => {}
+    }
+    stop.send_replace(true);
+    tokio::time::timeout(GRACE, server).await.unwrap_or_else(|_| {
+        tracing::warn!(grace_s = GRACE.as_secs(), "connections were still open at the end");
+        Ok(())
+    })
+}

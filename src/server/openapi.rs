@@ -1,0 +1,63 @@
+//! The description of the API, for people and for generators of clients.
+
+use axum::Json;
+use jiff::Timestamp;
+use serde::Serialize;
+use utoipa::{OpenApi, ToSchema};
+
+use super::error::{ErrorBody, ErrorText};
+use super::status::{HullPoint, RunState, Stage, Status, ViewWarning};
+use super::{RunRequest, RunStarted, routes};
+
+#[derive(OpenApi)]
+#[openapi(
+    info(title = "grainrig", description = "Watch and drive the rig."),
+    paths(
+        routes::status,
+        routes::start,
+        routes::pause,
+        routes::resume,
+        routes::abort,
+        routes::sessions,
+        routes::session,
+        routes::frame,
+        routes::product,
+        routes::events,
+        document
+    ),
+    components(schemas(
+        Status,
+        RunState,
+        HullPoint,
+        Stage,
+        ViewWarning,
+        RunRequest,
+        RunStarted,
+        ErrorBody,
+        ErrorText,
+        StreamedEvent
+    ))
+)]
+struct Description;
+
+/// What `data` holds in the event stream: these, and the fields of the kind.
+#[derive(Serialize, ToSchema)]
+pub(super) struct StreamedEvent {
+    /// The event's number: one more than the one before it.
+    seq: u64,
+    /// When, in UTC.
+    #[schema(value_type = String, format = DateTime)]
+    time: Timestamp,
+    /// The kind: `started`, `homed`, `moving`, `captured`, `paused`, `resumed`, `aborted`,
+    /// `acquisition_complete`, `silhouette`, `hull`, `working`, `products`, `failed` or `complete`.
+    event: String,
+}
+
+/// This description.
+#[utoipa::path(get, path = "/api/v1/openapi.json", tag = "about", responses(
+    (status = 200, description = "OpenAPI description", body = Object),
+    (status = 401, description = "No token", body = ErrorBody),
+))]
+pub(super) async fn document() -> Json<utoipa::openapi::OpenApi> {
+    Json(Description::openapi())
+}

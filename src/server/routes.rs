@@ -1,0 +1,335 @@
+//! The routes under `/api/v1`: each translates between HTTP and the rig, and does nothing else.
+
+use std::convert::Infallible;
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::extract::rejection::{JsonRejection, PathRejection, QueryRejection};
+use axum::extract::{DefaultBodyLimit, Path, Query, State};
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::sse::{self, KeepAlive, Sse};
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post};
+use axum::{Json, Router, middleware};
+use serde::Deserialize;
+use tokio::sync::{mpsc, watch};
+use tokio_stream::wrappers::ReceiverStream;
+use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::trace::TraceLayer;
+use utoipa::IntoParams;
+
+use super::error::{ErrorBody, ServerError};
+use super::feed::{Snapshot, Subscription};
+use super::guard::{self, Guard, shortened};
+use super::status::Status;
+use super::{Refusal, Rig, RunRequest, RunStarted, assets, openapi};
+use crate::session::event::Event;
+
+/// Largest body that is read.
+pub(super) const BODY_LIMIT_BYTES: usize = 64 * 1024;
+/// Longest name of a session: it becomes a folder.
+const SESSION_NAME_LIMIT: usize = 64;
+/// Longest name of a file, as file systems have it.
+const FILE_NAME_LIMIT: usize = 255;
+/// Events on their way to one client; the others wait in the feed.
+const IN_FLIGHT: usize = 16;
+/// How soon a browser comes back after a lost connection.
+const RETRY: Duration = Duration::from_secs(1);
+/// A product may be an HTML report or an SVG: it may show itself, but run nothing here.
+const FILE_POLICY: &str =
+    "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src 'self' data:; frame-ancestors 'none'";
+
+/// What every route knows.
+#[derive(Clone)]
+pub(super) struct App {
+    pub(super) rig: Arc<dyn Rig>,
+    pub(super) guard: Arc<Guard>,
+    /// Becomes true when the server is to end; event streams end with it.
+    pub(super) stopping: watch::Receiver<bool>,
+    pub(super) keep_alive: Duration,
+}
+
+pub(super) fn router(app: App) -> Router {
+    let api = Router::new()
+        .route("/status", get(status))
+        .route("/runs", post(start))
+        .route("/runs/current/pause", post(pause))
+        .route("/runs/current/resume", post(resume))
+        .route("/runs/current/abort", post(abort))
+        .route("/sessions", get(sessions))
+        .route("/sessions/{id}", get(session))
+        .route("/sessions/{id}/frames/{file}", get(frame))
+        .route("/sessions/{id}/products/{file}", get(product))
+        .route("/events", get(events))
+        .route("/openapi.json", get(openapi::document));
+    // Path only: the query may hold the token.
+    let trace = TraceLayer::new_for_http().make_span_with(|request: &axum::http::Request<_>| {
+        tracing::debug_span!("request", method = %request.method(), path = request.uri().path())
+    });
+    Router::new()
+        .nest("/api/v1", api)
+        .merge(assets::routes())
+        .fallback(async || ServerError::NoRoute)
+        .method_not_allowed_fallback(async || ServerError::WrongMethod)
+        .layer(DefaultBodyLimit::max(BODY_LIMIT_BYTES))
+        .layer(CatchPanicLayer::custom(|panic| panicked(panic).into_response()))
+        .layer(middleware::from_fn_with_state(app.clone(), guard::guard))
+        .layer(trace)
+        .with_state(app)
+}
+
+/// Where the run stands.
+#[utoipa::path(get, path = "/api/v1/status", tag = "run", responses(
+    (status = 200, description = "Where the run stands", body = Status),
+    (status = 401, description = "No token", body = ErrorBody),
+))]
+pub(super) async fn status(State(app): State<App>) -> Result<Json<serde_json::Value>, ServerError> {
+    on_rig(&app, |rig| Ok(rig.status())).await
+}
+
+/// Starts a run.
+#[utoipa::path(post, path = "/api/v1/runs", tag = "run", request_body = RunRequest, responses(
+    (status = 201, description = "The run has begun", body = RunStarted, headers(("location" = String, description = "The session"))),
+    (status = 400, description = "The request makes no sense", body = ErrorBody),
+    (status = 401, description = "No token", body = ErrorBody),
+    (status = 403, description = "Sent by another site's page", body = ErrorBody),
+    (status = 409, description = "The rig is busy", body = ErrorBody),
+    (status = 413, description = "The body is too large", body = ErrorBody),
+    (status = 415, description = "The body is not JSON", body = ErrorBody),
+    (status = 507, description = "The disk is full", body = ErrorBody),
+))]
+pub(super) async fn start(
+    State(app): State<App>,
+    request: Result<Json<RunRequest>, JsonRejection>,
+) -> Result<Response, ServerError> {
+    let Json(request) = request?;
+    check_name("session", &request.name, SESSION_NAME_LIMIT)?;
+    let Json(started) = on_rig(&app, |rig| rig.start(request)).await?;
+    let location = format!("/api/v1/sessions/{}", started.session);
+    let mut response = (StatusCode::CREATED, Json(started)).into_response();
+    if let Ok(location) = location.parse() {
+        response.headers_mut().insert(header::LOCATION, location);
+    }
+    Ok(response)
+}
+
+/// Pauses the run after the view being taken.
+#[utoipa::path(post, path = "/api/v1/runs/current/pause", tag = "run", responses(
+    (status = 204, description = "The run will pause"),
+    (status = 401, description = "No token", body = ErrorBody),
+    (status = 403, description = "Sent by another site's page", body = ErrorBody),
+    (status = 409, description = "There is nothing to pause", body = ErrorBody),
+))]
+pub(super) async fn pause(State(app): State<App>) -> Result<StatusCode, ServerError> {
+    on_rig(&app, Rig::pause).await.map(|_| StatusCode::NO_CONTENT)
+}
+
+/// Lets a paused run go on.
+#[utoipa::path(post, path = "/api/v1/runs/current/resume", tag = "run", responses(
+    (status = 204, description = "The run goes on"),
+    (status = 401, description = "No token", body = ErrorBody),
+    (status = 403, description = "Sent by another site's page", body = ErrorBody),
+    (status = 409, description = "No run is paused", body = ErrorBody),
+))]
+pub(super) async fn resume(State(app): State<App>) -> Result<StatusCode, ServerError> {
+    on_rig(&app, Rig::resume).await.map(|_| StatusCode::NO_CONTENT)
+}
+
+/// Stops the run; what was captured stays.
+#[utoipa::path(post, path = "/api/v1/runs/current/abort", tag = "run", responses(
+    (status = 204, description = "The run will stop"),
+    (status = 401, description = "No token", body = ErrorBody),
+    (status = 403, description = "Sent by another site's page", body = ErrorBody),
+    (status = 409, description = "There is no run", body = ErrorBody),
+))]
+pub(super) async fn abort(State(app): State<App>) -> Result<StatusCode, ServerError> {
+    on_rig(&app, Rig::abort).await.map(|_| StatusCode::NO_CONTENT)
+}
+
+/// The sessions in the data folder.
+#[utoipa::path(get, path = "/api/v1/sessions", tag = "sessions", responses(
+    (status = 200, description = "The sessions", body = Vec<Object>),
+    (status = 401, description = "No token", body = ErrorBody),
+))]
+pub(super) async fn sessions(State(app): State<App>) -> Result<Json<serde_json::Value>, ServerError> {
+    on_rig(&app, Rig::sessions).await
+}
+
+/// One session: its manifest, its frames and its products.
+#[utoipa::path(get, path = "/api/v1/sessions/{id}", tag = "sessions",
+    params(("id" = String, Path, description = "Name of the session")), responses(
+    (status = 200, description = "The session", body = Object),
+    (status = 400, description = "Not a name", body = ErrorBody),
+    (status = 401, description = "No token", body = ErrorBody),
+    (status = 404, description = "No such session", body = ErrorBody),
+))]
+pub(super) async fn session(
+    State(app): State<App>,
+    path: Result<Path<String>, PathRejection>,
+) -> Result<Json<serde_json::Value>, ServerError> {
+    let Path(id) = path?;
+    check_name("session", &id, SESSION_NAME_LIMIT)?;
+    on_rig(&app, move |rig| rig.session(&id)).await
+}
+
+/// A captured picture, byte for byte as the camera gave it.
+#[utoipa::path(get, path = "/api/v1/sessions/{id}/frames/{file}", tag = "sessions",
+    params(("id" = String, Path, description = "Name of the session"),
+           ("file" = String, Path, description = "Name of the frame")), responses(
+    (status = 200, description = "The picture", content_type = "image/*", body = Vec<u8>),
+    (status = 400, description = "Not a name", body = ErrorBody),
+    (status = 401, description = "No token", body = ErrorBody),
+    (status = 404, description = "No such session or frame", body = ErrorBody),
+))]
+pub(super) async fn frame(
+    State(app): State<App>,
+    path: Result<Path<(String, String)>, PathRejection>,
+) -> Result<Response, ServerError> {
+    file(&app, path, Rig::frame).await
+}
+
+/// A product: mesh, deck, figure or report.
+#[utoipa::path(get, path = "/api/v1/sessions/{id}/products/{file}", tag = "sessions",
+    params(("id" = String, Path, description = "Name of the session"),
+           ("file" = String, Path, description = "Name of the product")), responses(
+    (status = 200, description = "The product", content_type = "application/octet-stream", body = Vec<u8>),
+    (status = 400, description = "Not a name", body = ErrorBody),
+    (status = 401, description = "No token", body = ErrorBody),
+    (status = 404, description = "No such session or product", body = ErrorBody),
+))]
+pub(super) async fn product(
+    State(app): State<App>,
+    path: Result<Path<(String, String)>, PathRejection>,
+) -> Result<Response, ServerError> {
+    file(&app, path, Rig::product).await
+}
+
+/// Where an event stream begins.
+#[derive(Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(super) struct After {
+    /// The last event the client has; the `Last-Event-ID` header goes before it.
+    after: Option<u64>,
+}
+
+/// Every event as it happens, as server-sent events.
+///
+/// `id` is the event's number, `event` its kind, `data` the [`Event`](openapi::StreamedEvent) as JSON. A
+/// client that says which event it had last (`Last-Event-ID`, or `after`) gets each later one exactly
+/// once. One that says none, or one no longer kept, first gets a `snapshot`, whose data is the status
+/// and whose number is that of the last event in it.
+#[utoipa::path(get, path = "/api/v1/events", tag = "run",
+    params(After, ("last-event-id" = Option<u64>, Header, description = "The last event the client has")),
+    responses(
+    (status = 200, description = "The stream; each `data` is a StreamedEvent, or a Status for `snapshot`",
+     content_type = "text/event-stream", body = openapi::StreamedEvent),
+    (status = 400, description = "`after` is no number", body = ErrorBody),
+    (status = 401, description = "No token", body = ErrorBody),
+))]
+pub(super) async fn events(
+    State(app): State<App>,
+    query: Result<Query<After>, QueryRejection>,
+    headers: HeaderMap,
+) -> Result<Response, ServerError> {
+    let Query(After { after }) = query?;
+    let after = match headers.get("last-event-id") {
+        // One that is no number was not given out here: unknown, as an earlier daemon's.
+        Some(id) => id.to_str().ok().and_then(|id| id.parse().ok()),
+        None => after,
+    };
+    let (snapshot, subscription) = app.rig.events().subscribe(after);
+    let (sender, receiver) = mpsc::channel(IN_FLIGHT);
+    tokio::spawn(forward(snapshot, subscription, sender, app.stopping));
+    let stream =
+        Sse::new(ReceiverStream::new(receiver)).keep_alive(KeepAlive::new().interval(app.keep_alive));
+    Ok(stream.into_response())
+}
+
+type Sender = mpsc::Sender<Result<sse::Event, Infallible>>;
+
+/// Carries events from the feed to one client, until it leaves, is too slow, or the server ends.
+async fn forward(
+    snapshot: Option<Snapshot>,
+    mut subscription: Subscription,
+    sender: Sender,
+    mut stopping: watch::Receiver<bool>,
+) {
+    let first = match snapshot {
+        Some(snapshot) => snapshot_message(&snapshot),
+        None => Some(sse::Event::default().retry(RETRY).comment("welcome back")),
+    };
+    let mut message = first;
+    while let Some(next) = message {
+        if sender.send(Ok(next)).await.is_err() {
+            return;
+        }
+        message = tokio::select! {
+            event = subscription.next() => event.and_then(|event| event_message(&event)),
+            () = sender.closed() => return,
+            _ = stopping.wait_for(|stopping| *stopping) => return,
+        };
+    }
+}
+
+fn snapshot_message(snapshot: &Snapshot) -> Option<sse::Event> {
+    let message = sse::Event::default().retry(RETRY).id(snapshot.seq.to_string()).event("snapshot");
+    let data = serde_json::json!({ "seq": snapshot.seq, "status": snapshot.status });
+    message.json_data(data).inspect_err(|error| tracing::error!(%error, "snapshot is no JSON")).ok()
+}
+
+fn event_message(event: &Event) -> Option<sse::Event> {
+    let data =
+        serde_json::to_value(event).inspect_err(|error| tracing::error!(%error, "event is no JSON")).ok()?;
+    let kind = data.get("event").and_then(serde_json::Value::as_str)?;
+    let message = sse::Event::default().id(event.seq.to_string()).event(kind);
+    message.json_data(&data).ok()
+}
+
+/// Answers with a file that the rig reads.
+async fn file(
+    app: &App,
+    path: Result<Path<(String, String)>, PathRejection>,
+    read: impl FnOnce(&dyn Rig, &str, &str) -> Result<(Vec<u8>, &'static str), Refusal> + Send + 'static,
+) -> Result<Response, ServerError> {
+    let Path((id, name)) = path?;
+    check_name("session", &id, SESSION_NAME_LIMIT)?;
+    check_name("file", &name, FILE_NAME_LIMIT)?;
+    let Json((bytes, content_type)) = on_rig(app, move |rig| read(rig, &id, &name)).await?;
+    let headers = [(header::CONTENT_TYPE, content_type), (header::CONTENT_SECURITY_POLICY, FILE_POLICY)];
+    Ok((headers, bytes).into_response())
+}
+
+/// The first fence before the disk; the rig checks the name against its own list.
+fn check_name(what: &'static str, name: &str, limit: usize) -> Result<(), ServerError> {
+    let fits = (1..=limit).contains(&name.len()) && !name.starts_with('.');
+    if fits && !name.contains(|c: char| c == '/' || c == '\\' || c.is_control()) {
+        return Ok(());
+    }
+    Err(ServerError::BadName { what, name: shortened(name), limit })
+}
+
+/// Asks the rig on a thread that may block: it takes locks and reads the disk.
+async fn on_rig<T: Send + 'static>(
+    app: &App,
+    ask: impl FnOnce(&dyn Rig) -> Result<T, Refusal> + Send + 'static,
+) -> Result<Json<T>, ServerError> {
+    let rig = Arc::clone(&app.rig);
+    let asked = tokio::task::spawn_blocking(move || ask(rig.as_ref())).await;
+    match asked {
+        Ok(answer) => Ok(Json(answer?)),
+        Err(error) => Err(match error.try_into_panic() {
+            Ok(panic) => panicked(panic),
+            // Only a runtime that is shutting down cancels a task.
+            Err(error) => ServerError::Panicked { detail: error.to_string() },
+        }),
+    }
+}
+
+/// A panic's message, for the log.
+fn panicked(panic: Box<dyn std::any::Any + Send>) -> ServerError {
+    let detail = match panic.downcast::<String>() {
+        Ok(message) => *message,
+        Err(panic) => panic.downcast_ref::<&str>().copied().unwrap_or("panic without a message").to_owned(),
+    };
+    ServerError::Panicked { detail }
+}

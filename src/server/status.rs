@@ -1,0 +1,201 @@
+//! Where the run stands: the events so far, folded into one picture.
+//!
+//! ```text
+//!            started            homed, moving         acquisition_complete / working
+//!   idle ─────────────▶ starting ─────▶ running ──────────────────────▶ computing ──▶ complete
+//!                           │           ▲     │ paused                     │
+//!                           │   resumed │     ▼                            │
+//!                           │           paused                             │
+//!                           └──────────────┴──── aborted │ failed ◀────────┘
+//! ```
+//!
+//! `web/status.js` is the same fold for the browser; `web/test/fold.json` holds both to the same answers.
+
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use crate::session::event::Happening;
+
+/// More warnings than this help nobody: a run has 26 views.
+const WARNINGS_KEPT: usize = 200;
+/// Points of the hull's history that are kept; a plan with more views is charted to here.
+const HULL_POINTS_KEPT: usize = 2000;
+
+/// What the rig is doing.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum RunState {
+    /// No run since the daemon came up.
+    #[default]
+    Idle,
+    /// A run has begun; the stage looks for its reference.
+    Starting,
+    /// Views are being captured.
+    Running,
+    /// The run waits for `resume`.
+    Paused,
+    /// All views are captured; hull and mesh are being made.
+    Computing,
+    /// The products are there.
+    Complete,
+    /// Somebody stopped the run.
+    Aborted,
+    /// The run could not go on; `error` says why.
+    Failed,
+}
+
+/// The volume after so many views.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, ToSchema)]
+pub struct HullPoint {
+    /// Views in the hull.
+    pub views: usize,
+    /// Volume, mm³: an upper bound; `null` where the session has no scale.
+    pub volume_mm3: Option<f64>,
+}
+
+/// What the computation is at.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct Stage {
+    /// `calibrate`, `hull`, `mesh` or `export`.
+    pub name: String,
+    /// How much of it is done, 0 to 1.
+    pub done: f64,
+}
+
+/// Something a person should know of a view.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, ToSchema)]
+pub struct ViewWarning {
+    /// Index of the view.
+    pub view: usize,
+    /// The warning.
+    pub text: String,
+}
+
+/// Where the run stands.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, ToSchema)]
+pub struct Status {
+    /// What the rig is doing.
+    pub state: RunState,
+    /// Name of the session, the last one's after its end; `null` before the first.
+    pub session: Option<String>,
+    /// Views in the plan.
+    pub views: usize,
+    /// Views captured so far.
+    pub captured: usize,
+    /// Index of the view being taken, or of the last one taken.
+    pub view: Option<usize>,
+    /// Angle of the stage, degrees: where it was last sent or last said that it is.
+    pub angle_deg: Option<f64>,
+    /// Estimated time to the last view, seconds; `null` before it can be told.
+    pub remaining_s: Option<f64>,
+    /// File name of the last captured view: `sessions/{session}/frames/{last_frame}`.
+    pub last_frame: Option<String>,
+    /// How the live hull's volume came down, view by view.
+    pub hull: Vec<HullPoint>,
+    /// What the computation is at.
+    pub stage: Option<Stage>,
+    /// What a person should know of the views.
+    pub warnings: Vec<ViewWarning>,
+    /// File names of the products: `sessions/{session}/products/{file}`.
+    pub products: Vec<String>,
+    /// What `result.json` holds, at the end.
+    pub result: Option<serde_json::Value>,
+    /// Why the run failed: value, limit, remedy.
+    pub error: Option<String>,
+}
+
+impl Status {
+    /// Takes one more event into account.
+    pub(super) fn apply(&mut self, what: &Happening) {
+        match what {
+            Happening::Started { session, views, already_captured } => {
+                *self = Self {
+                    state: RunState::Starting,
+                    session: Some(session.clone()),
+                    views: *views,
+                    captured: *already_captured,
+                    ..Self::default()
+                };
+            }
+            Happening::Homed => self.leave_start_for(RunState::Running),
+            Happening::Moving { view, target_deg } => {
+                self.leave_start_for(RunState::Running);
+                self.view = Some(*view);
+                self.angle_deg = Some(*target_deg);
+            }
+            Happening::Captured { view, remaining_s } => {
+                self.captured += 1;
+                self.view = Some(view.view);
+                self.angle_deg = Some(view.reached_deg);
+                self.remaining_s = *remaining_s;
+                self.last_frame = Some(view.file.clone());
+            }
+            Happening::Paused => self.state = RunState::Paused,
+            Happening::Resumed => self.state = RunState::Running,
+            Happening::Aborted => self.end(RunState::Aborted),
+            Happening::AcquisitionComplete { .. } => {
+                self.state = RunState::Computing;
+                self.remaining_s = None;
+            }
+            Happening::Silhouette { view, warnings, .. } => {
+                let room = WARNINGS_KEPT.saturating_sub(self.warnings.len());
+                let warnings = warnings.iter().take(room);
+                self.warnings.extend(warnings.map(|text| ViewWarning { view: *view, text: text.clone() }));
+            }
+            Happening::Hull { views, volume_mm3 } => {
+                if self.hull.len() < HULL_POINTS_KEPT {
+                    self.hull.push(HullPoint { views: *views, volume_mm3: *volume_mm3 });
+                }
+            }
+            Happening::Working { stage, done } => {
+                // A replay computes without having captured anything.
+                self.leave_start_for(RunState::Computing);
+                self.stage = Some(Stage { name: stage.clone(), done: *done });
+            }
+            Happening::Products { files, .. } => {
+                self.products = files.iter().map(|product| product.file.clone()).collect();
+            }
+            Happening::Failed { error } => {
+                self.end(RunState::Failed);
+                self.error = Some(error.clone());
+            }
+            Happening::Complete { result } => {
+                self.end(RunState::Complete);
+                self.result = Some(result.clone());
+            }
+        }
+    }
+
+    fn leave_start_for(&mut self, state: RunState) {
+        if self.state == RunState::Starting {
+            self.state = state;
+        }
+    }
+
+    fn end(&mut self, state: RunState) {
+        self.state = state;
+        self.remaining_s = None;
+        self.stage = None;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The browser's fold is held to the same file by `web/test/fold.test.mjs`.
+    #[test]
+    fn the_fold_is_the_one_in_the_shared_example() {
+        let steps: Vec<serde_json::Value> =
+            serde_json::from_str(include_str!("../../web/test/fold.json")).unwrap();
+        let mut status = Status::default();
+        for step in steps {
+            let happening: Happening = serde_json::from_value(step["event"].clone()).unwrap();
+            status.apply(&happening);
+            let status = serde_json::to_value(&status).unwrap();
+            for (key, expected) in step["expect"].as_object().unwrap() {
+                assert_eq!(&status[key], expected, "{key} after {}", step["event"]);
+            }
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! A rig that does nothing but keep its state, and a server that drives it on a port of its own.
+
+use std::io;
+use std::net::SocketAddr;
+use std::num::NonZeroUsize;
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use grainrig::server::{
+    EventFeed, KEPT_EVENTS, Refusal, RefusalKind, Rig, RunRequest, RunStarted, RunState, ServeOptions, serve,
+};
+use grainrig::session::event::Happening;
+use jiff::Timestamp;
+use serde_json::{Value, json};
+use tokio::sync::oneshot;
+
+/// The number of the first event.
+pub const FIRST: u64 = 1_700_000_000_000_000;
+/// What must never reach a client.
+pub const SECRET: &str = "/home/lab/data: no space left on device";
+/// A picture's bytes.
+pub const PICTURE: &[u8] = b"\xff\xd8 picture";
+
+/// The fake.
+pub struct FakeRig {
+    pub feed: EventFeed,
+}
+
+impl FakeRig {
+    pub fn happened(&self, what: Happening) {
+        self.feed.push(what, Timestamp::UNIX_EPOCH);
+    }
+
+    fn change(&self, from: RunState, what: Happening) -> Result<(), Refusal> {
+        let state = self.feed.status().state;
+        if state != from {
+            return Err(Refusal::new(RefusalKind::Busy, format!("the rig is {state:?}, not {from:?}")));
+        }
+        self.happened(what);
+        Ok(())
+    }
+}
+
+impl Rig for FakeRig {
+    fn start(&self, request: RunRequest) -> Result<RunStarted, Refusal> {
+        if request.name == "full" {
+            let refusal = Refusal::new(RefusalKind::Disk, "0 MiB are free of the 500 MiB needed; make room");
+            return Err(refusal.with_detail(SECRET));
+        }
+        if let Some(unknown) = request.overrides.keys().find(|key| *key != "views") {
+            return Err(Refusal::new(RefusalKind::Invalid, format!("there is no setting `{unknown}`")));
+        }
+        if self.feed.status().state != RunState::Idle {
+            return Err(Refusal::new(RefusalKind::Busy, "a run goes on; wait for its end or abort it"));
+        }
+        let session = request.name;
+        self.happened(Happening::Started { session: session.clone(), views: 25, already_captured: 0 });
+        self.happened(Happening::Homed);
+        Ok(RunStarted { session })
+    }
+
+    fn pause(&self) -> Result<(), Refusal> {
+        self.change(RunState::Running, Happening::Paused)
+    }
+
+    fn resume(&self) -> Result<(), Refusal> {
+        self.change(RunState::Paused, Happening::Resumed)
+    }
+
+    fn abort(&self) -> Result<(), Refusal> {
+        self.change(RunState::Running, Happening::Aborted)
+    }
+
+    fn sessions(&self) -> Result<Value, Refusal> {
+        Ok(json!([{ "name": "quartz" }]))
+    }
+
+    fn session(&self, id: &str) -> Result<Value, Refusal> {
+        match id {
+            "quartz" => Ok(json!({ "name": "quartz", "frames": [{ "file": "0000.jpg" }] })),
+            "panic" => panic!("{SECRET}"),
+            _ => Err(Refusal::new(RefusalKind::NotFound, format!("there is no session `{id}`"))),
+        }
+    }
+
+    fn frame(&self, id: &str, file: &str) -> Result<(Vec<u8>, &'static str), Refusal> {
+        match (id, file) {
+            ("quartz", "0000.jpg") => Ok((PICTURE.to_vec(), "image/jpeg")),
+            _ => Err(Refusal::new(RefusalKind::NotFound, format!("`{id}` has no frame `{file}`"))),
+        }
+    }
+
+    fn product(&self, id: &str, file: &str) -> Result<(Vec<u8>, &'static str), Refusal> {
+        match (id, file) {
+            ("quartz", "report.html") => Ok((b"<script>alert(1)</script>".to_vec(), "text/html")),
+            _ => Err(Refusal::new(RefusalKind::NotFound, format!("`{id}` has no product `{file}`"))),
+        }
+    }
+
+    fn events(&self) -> EventFeed {
+        self.feed.clone()
+    }
+}
+
+/// A server on a port of its own; it ends when dropped.
+pub struct Server {
+    pub address: SocketAddr,
+    pub rig: Arc<FakeRig>,
+    stop: Option<oneshot::Sender<()>>,
+    thread: Option<JoinHandle<io::Result<()>>>,
+}
+
+impl Server {
+    pub fn start() -> Self {
+        Self::with(ServeOptions::default(), KEPT_EVENTS)
+    }
+
+    pub fn with(options: ServeOptions, keep: NonZeroUsize) -> Self {
+        let rig = Arc::new(FakeRig { feed: EventFeed::new(FIRST, keep) });
+        let runtime =
+            tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
+        let listener = runtime.block_on(tokio::net::TcpListener::bind("127.0.0.1:0")).unwrap();
+        let address = listener.local_addr().unwrap();
+        let (stop, stopped) = oneshot::channel();
+        let serving = serve(listener, rig.clone(), options, async {
+            stopped.await.ok();
+        });
+        let thread = std::thread::spawn(move || runtime.block_on(serving));
+        Self { address, rig, stop: Some(stop), thread: Some(thread) }
+    }
+
+    pub fn url(&self, path: &str) -> String {
+        format!("http://{}{path}", self.address)
+    }
+
+    /// Asks the server to end and waits until it has.
+    pub fn stop(&mut self) -> io::Result<()> {
+        if let Some(stop) = self.stop.take() {
+            stop.send(()).ok();
+        }
+        self.thread.take().map_or(Ok(()), |thread| thread.join().unwrap())
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        self.stop().unwrap();
+    }
+}
+
+/// A client that returns errors' bodies, and does not wait for ever.
+pub fn client() -> ureq::Agent {
+    ureq::Agent::config_builder()
+        .http_status_as_error(false)
+        .max_redirects(0)
+        .timeout_global(Some(Duration::from_secs(60)))
+        .build()
+        .new_agent()
+}

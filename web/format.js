@@ -1,0 +1,145 @@
+// @ts-check
+// Numbers and events as a person reads them.
+
+/** @typedef {import("./status.js").RigEvent} RigEvent */
+
+/** Units by the ending of a field's name, as the daemon's conventions have them; the longer first. */
+const UNITS = /** @type {[string, string][]} */ ([
+  ["_mm_per_px", "mm/px"], ["_mm3", "mm³"], ["_mm2", "mm²"], ["_mm", "mm"], ["_um", "µm"], ["_px2", "px²"],
+  ["_px", "px"], ["_deg", "°"], ["_rad", "rad"], ["_s", "s"], ["_n", "N"], ["_mpa", "MPa"], ["_percent", "%"],
+]);
+
+/**
+ * Four significant digits, grouped; whole numbers whole.
+ * @param {number} value
+ */
+export function number(value) {
+  if (Number.isInteger(value)) return value.toLocaleString("en-GB");
+  if (value !== 0 && (Math.abs(value) < 1e-4 || Math.abs(value) >= 1e7)) return value.toExponential(3);
+  return value.toLocaleString("en-GB", { maximumSignificantDigits: 4 });
+}
+
+/** @param {number} seconds */
+export function duration(seconds) {
+  const whole = Math.max(0, Math.round(seconds));
+  if (whole < 60) return `${whole} s`;
+  const minutes = Math.floor(whole / 60);
+  if (minutes < 60) return `${minutes} min ${String(whole % 60).padStart(2, "0")} s`;
+  return `${Math.floor(minutes / 60)} h ${String(minutes % 60).padStart(2, "0")} min`;
+}
+
+/** @param {number|null} volume_mm3 */
+export const volume = (volume_mm3) => (volume_mm3 === null ? "no scale" : `${number(volume_mm3)} mm³`);
+
+/** @typedef {{ path: string, label: string, value: string }} Leaf */
+
+/**
+ * Every number and text in a result, with its place, in the result's own order.
+ * @param {unknown} value
+ * @param {string[]} [path]
+ * @returns {Leaf[]}
+ */
+export function leaves(value, path = []) {
+  if (Array.isArray(value)) {
+    const plain = value.every((item) => typeof item !== "object" || item === null);
+    if (!plain) return value.flatMap((item, index) => leaves(item, [...path, String(index + 1)]));
+    const shown = value.slice(0, 12).map((item) => (typeof item === "number" ? number(item) : String(item)));
+    if (value.length > shown.length) shown.push(`… (${value.length})`);
+    return [leaf(path, shown.join(", ") || "none")];
+  }
+  if (value !== null && typeof value === "object") {
+    return Object.entries(value).flatMap(([key, item]) => leaves(item, [...path, key]));
+  }
+  if (typeof value === "number") return [leaf(path, number(value))];
+  return [leaf(path, value === null || value === undefined ? "–" : String(value))];
+}
+
+/**
+ * @param {string[]} path
+ * @param {string} shown
+ * @returns {Leaf}
+ */
+function leaf(path, shown) {
+  // The unit may be a field's or that of the group it stands in: `dihedral_deg.min`.
+  let unit = "";
+  const words = path.map((name) => {
+    const ending = UNITS.find(([ending]) => name.toLowerCase().endsWith(ending));
+    if (ending) unit = ending[1];
+    return (ending ? name.slice(0, -ending[0].length) : name).replaceAll("_", " ");
+  });
+  return { path: path.join("."), label: words.join(" · "), value: withUnit(shown, unit) };
+}
+
+/**
+ * @param {string} shown
+ * @param {string} unit
+ */
+function withUnit(shown, unit) {
+  if (unit === "" || shown === "–") return shown;
+  return unit === "°" ? `${shown}°` : `${shown} ${unit}`;
+}
+
+/** The figures that stand large: what they are, where the result has them, and how they were got. */
+const HEADLINES = /** @type {[string, string, string][]} */ ([
+  ["Volume", "hull.volume_mm3", "of the visual hull: an upper bound"],
+  ["Surface area", "hull.surface_area_mm2", "of the visual hull"],
+  ["Agreement", "hull.silhouette_iou.min", "worst view: hull seen again over silhouette"],
+  ["Nodes", "mesh.nodes", "of the tetrahedral mesh"],
+  ["Tetrahedra", "mesh.tetrahedra", "in the mesh"],
+  ["Mesh volume", "mesh.volume_mm3", "of the tetrahedra together"],
+  ["Smallest dihedral", "mesh.dihedral_deg.min", "angle between faces of a tetrahedron"],
+  ["Radius–edge ratio", "mesh.radius_edge.max", "worst tetrahedron; 0.61 is regular"],
+]);
+
+/**
+ * @param {Leaf[]} all
+ * @returns {{ label: string, value: string, how: string }[]}
+ */
+export function headlines(all) {
+  return HEADLINES.flatMap(([label, path, how]) => {
+    const found = all.find((one) => one.path === path);
+    return found ? [{ label, value: found.value, how }] : [];
+  });
+}
+
+/**
+ * One line for the log.
+ * @param {RigEvent} event
+ */
+export function line(event) {
+  const view = () => `View ${event.view + 1}`;
+  switch (event.event) {
+    case "started":
+      return event.already_captured > 0
+        ? `Run ${event.session} goes on at ${event.already_captured} of ${event.views} views`
+        : `Run ${event.session} began: ${event.views} views`;
+    case "homed":
+      return "Stage found its reference";
+    case "moving":
+      return `${view()}: moving to ${event.target_deg.toFixed(1)}°`;
+    case "captured":
+      return `${view()} captured at ${event.reached_deg.toFixed(2)}°: ${event.file}, ${number(Math.round(event.bytes / 1024))} KiB`;
+    case "paused":
+      return "Paused";
+    case "resumed":
+      return "Resumed";
+    case "aborted":
+      return "Aborted; what was captured stays";
+    case "acquisition_complete":
+      return `All ${event.views} views captured`;
+    case "silhouette":
+      return `${view()}: silhouette of ${number(Math.round(event.area_px))} px²` + event.warnings.map((/** @type {string} */ text) => `; ${text}`).join("");
+    case "hull":
+      return `Hull of ${event.views} views: ${volume(event.volume_mm3)}`;
+    case "working":
+      return `${event.stage}: ${Math.round(event.done * 100)} %`;
+    case "products":
+      return `${event.files.length} files written`;
+    case "failed":
+      return `Failed: ${event.error}`;
+    case "complete":
+      return "Run complete";
+    default:
+      return event.event;
+  }
+}

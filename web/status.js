@@ -1,0 +1,109 @@
+// @ts-check
+// Where the run stands: the browser's half of src/server/status.rs. web/test/fold.json holds both to the
+// same answers.
+
+/** @typedef {"idle"|"starting"|"running"|"paused"|"computing"|"complete"|"aborted"|"failed"} RunState */
+/** @typedef {{ views: number, volume_mm3: number|null }} HullPoint */
+/**
+ * @typedef {object} Status
+ * @property {RunState} state
+ * @property {string|null} session
+ * @property {number} views
+ * @property {number} captured
+ * @property {number|null} view
+ * @property {number|null} angle_deg
+ * @property {number|null} remaining_s
+ * @property {string|null} last_frame
+ * @property {HullPoint[]} hull
+ * @property {{ name: string, done: number }|null} stage
+ * @property {{ view: number, text: string }[]} warnings
+ * @property {string[]} products
+ * @property {unknown} result
+ * @property {string|null} error
+ */
+/** @typedef {{ seq: number, time: string, event: string, [field: string]: any }} RigEvent */
+
+/** As in status.rs. */
+const WARNINGS_KEPT = 200;
+const HULL_POINTS_KEPT = 2000;
+
+/** @returns {Status} Nothing happened yet. */
+export function idle() {
+  return {
+    state: "idle",
+    session: null,
+    views: 0,
+    captured: 0,
+    view: null,
+    angle_deg: null,
+    remaining_s: null,
+    last_frame: null,
+    hull: [],
+    stage: null,
+    warnings: [],
+    products: [],
+    result: null,
+    error: null,
+  };
+}
+
+/**
+ * The status after one more event.
+ * @param {Status} before
+ * @param {Omit<RigEvent, "seq"|"time">} event
+ * @returns {Status}
+ */
+export function fold(before, event) {
+  const leaving = (/** @type {RunState} */ state) => (before.state === "starting" ? state : before.state);
+  const ended = (/** @type {RunState} */ state) => ({ ...before, state, remaining_s: null, stage: null });
+  switch (event.event) {
+    case "started":
+      return {
+        ...idle(),
+        state: "starting",
+        session: event.session,
+        views: event.views,
+        captured: event.already_captured,
+      };
+    case "homed":
+      return { ...before, state: leaving("running") };
+    case "moving":
+      return { ...before, state: leaving("running"), view: event.view, angle_deg: event.target_deg };
+    case "captured":
+      return {
+        ...before,
+        captured: before.captured + 1,
+        view: event.view,
+        angle_deg: event.reached_deg,
+        remaining_s: event.remaining_s,
+        last_frame: event.file,
+      };
+    case "paused":
+      return { ...before, state: "paused" };
+    case "resumed":
+      return { ...before, state: "running" };
+    case "aborted":
+      return ended("aborted");
+    case "acquisition_complete":
+      return { ...before, state: "computing", remaining_s: null };
+    case "silhouette": {
+      const more = event.warnings.map((/** @type {string} */ text) => ({ view: event.view, text }));
+      return { ...before, warnings: [...before.warnings, ...more].slice(0, WARNINGS_KEPT) };
+    }
+    case "hull": {
+      const point = { views: event.views, volume_mm3: event.volume_mm3 };
+      return { ...before, hull: [...before.hull, point].slice(0, HULL_POINTS_KEPT) };
+    }
+    case "working":
+      return { ...before, state: leaving("computing"), stage: { name: event.stage, done: event.done } };
+    case "products":
+      return { ...before, products: event.files.map((/** @type {{ file: string }} */ product) => product.file) };
+    case "failed":
+      return { ...ended("failed"), error: event.error };
+    case "complete":
+      return { ...ended("complete"), result: event.result };
+    default:
+      // A newer daemon's event changes nothing that this page knows to show.
+      return before;
+  }
+}

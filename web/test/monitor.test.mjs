@@ -1,0 +1,102 @@
+// @ts-check
+// The monitor in a real browser, with a real daemon on the simulated rig.
+//
+// GRAINRIG_BIN     the binary (without it the test is skipped)
+// CHROMIUM         the browser, /usr/bin/chromium unless told
+// SCREENSHOT_DIR   where pictures of the page go, if anywhere
+
+import assert from "node:assert/strict";
+import { spawn } from "node:child_process";
+import { mkdtemp, rm } from "node:fs/promises";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { createInterface } from "node:readline";
+import test from "node:test";
+
+import { chromium } from "playwright-core";
+
+const FLAGS = [
+  "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking", "--disable-component-update",
+  "--disable-sync",
+];
+const RUN_LIMIT_MS = 180_000;
+
+/**
+ * Starts the daemon on a port of its own.
+ * @param {string} binary
+ * @param {string} data
+ */
+async function daemon(binary, data) {
+  const child = spawn(binary, ["serve", "--data", data, "--listen", "127.0.0.1:0"], {
+    stdio: ["ignore", "inherit", "pipe"],
+  });
+  const lines = createInterface({ input: child.stderr });
+  const url = await new Promise((resolve, reject) => {
+    const heard = /** @type {string[]} */ ([]);
+    lines.on("line", (line) => {
+      heard.push(line);
+      const found = /http:\/\/127\.0\.0\.1:\d+\//.exec(line);
+      if (found) resolve(found[0]);
+    });
+    child.on("error", reject);
+    child.on("exit", (code) => reject(new Error(`the daemon ended with ${code}:\n${heard.join("\n")}`)));
+  });
+  return { child, url: /** @type {string} */ (url) };
+}
+
+test("a run is started in the browser and watched to its end", { skip: !process.env.GRAINRIG_BIN }, async (t) => {
+  const data = await mkdtemp(join(tmpdir(), "grainrig-monitor-"));
+  t.after(() => rm(data, { recursive: true, force: true }));
+  const { child, url } = await daemon(/** @type {string} */ (process.env.GRAINRIG_BIN), data);
+  t.after(async () => {
+    const ended = new Promise((resolve) => child.once("exit", resolve));
+    if (child.exitCode === null && child.kill("SIGTERM")) await ended;
+  });
+  const browser = await chromium.launch({ executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: FLAGS });
+  t.after(() => browser.close());
+  const page = await browser.newPage({ viewport: { width: 1280, height: 900 } });
+  const complaints = /** @type {string[]} */ ([]);
+  page.on("console", (message) => message.type() === "error" && complaints.push(message.text()));
+  page.on("pageerror", (error) => complaints.push(error.message));
+  const picture = async (/** @type {string} */ name) => {
+    const folder = process.env.SCREENSHOT_DIR;
+    if (folder) await page.screenshot({ path: join(folder, `${name}.png`), fullPage: true });
+  };
+  const says = (/** @type {string} */ id, /** @type {RegExp} */ text, timeout = 15_000) =>
+    page.getByTestId(id).filter({ hasText: text }).waitFor({ timeout });
+
+  await page.goto(url);
+  await says("connection", /^Live$/);
+  await says("state", /^Ready$/);
+  await page.getByLabel("Name of the new run").fill("browser-test");
+  await page.getByTestId("start").click();
+
+  // The picture of each view comes as it is captured, before the run is over.
+  await says("step", /^[1-9]\d* of \d+$/, RUN_LIMIT_MS);
+  await page.getByTestId("last-frame").waitFor();
+  await picture("running-1280");
+
+  await says("state", /^Complete$/, RUN_LIMIT_MS);
+  const frame = page.getByTestId("last-frame");
+  await frame.evaluate((/** @type {HTMLImageElement} */ image) => image.decode());
+  assert.ok((await frame.evaluate((/** @type {HTMLImageElement} */ image) => image.naturalWidth)) > 0);
+  assert.match((await page.getByTestId("volume").textContent()) ?? "", /^\d[\d.,]* mm³$/);
+  assert.match((await page.getByTestId("result").textContent()) ?? "", /Tetrahedra/);
+  const [, captured, views] = /^(\d+) of (\d+)$/.exec((await page.getByTestId("step").textContent()) ?? "") ?? [];
+  assert.equal(captured, views);
+  await picture("complete-1280");
+
+  // Opened anew it shows the same, and nothing is wider than a telephone.
+  for (const width of [1920, 390, 360]) {
+    await page.setViewportSize({ width, height: 844 });
+    await page.reload();
+    await says("state", /^Complete$/);
+    await page.getByTestId("last-frame").evaluate((/** @type {HTMLImageElement} */ image) => image.decode());
+    const overflow = await page.evaluate(() => document.documentElement.scrollWidth - window.innerWidth);
+    assert.ok(overflow <= 0, `the page is ${overflow} px wider than ${width} px`);
+    await picture(`complete-${width}`);
+  }
+  await page.emulateMedia({ colorScheme: "dark" });
+  await picture("complete-dark-360");
+  assert.deepEqual(complaints, []);
+});
