@@ -1,6 +1,6 @@
 //! Abaqus input decks: the grain's nodes, elements, sets and surfaces, for a deck that includes them.
 //!
-//! Read by Abaqus and `CalculiX`. Lengths are mm; with forces in N, stresses in MPa, masses in tonne and times in s a
+//! Read by Abaqus and `CalculiX`. Lengths are mm; with forces in N, stresses in `MPa`, masses in tonne and times in s a
 //! deck is consistent. Node and element ids start at 1. Lines have at most 80 characters, all ASCII.
 //!
 //! | name | what |

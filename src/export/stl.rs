@@ -133,12 +133,13 @@ mod tests {
 
     #[test]
     fn text_is_read_too() {
+        use std::fmt::Write as _;
         let mut text = String::from("solid grain\n");
         let mesh = tetrahedron();
         for t in 0..4 {
             text += "facet normal 0 0 0\nouter loop\n";
             for p in mesh.corners(t) {
-                text += &format!("vertex {} {} {}\n", p.x, p.y, p.z);
+                writeln!(text, "vertex {} {} {}", p.x, p.y, p.z).unwrap();
             }
             text += "endloop\nendfacet\n";
         }

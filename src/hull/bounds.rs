@@ -21,7 +21,7 @@ pub fn find_bounds(cones: &[Cone]) -> Result<Aabb, HullError> {
         return Err(HullError::NoViews);
     }
     let views = cones.len();
-    let centers: Vec<[f64; 2]> = cones.iter().map(|c| middle(c)).collect();
+    let centers: Vec<[f64; 2]> = cones.iter().map(middle).collect();
     let focus = looked_at(cones, &centers).ok_or(HullError::Unbounded { views })?;
     let radius = (cones.iter())
         .filter_map(|c| {

@@ -64,6 +64,7 @@ impl HullGrid {
 
     /// The sums of the cells that a block owns, in units of the pitch.
     fn measure_block(&self, n: usize, emit: &mut impl FnMut([Point; 3])) -> Sum {
+        const E: usize = B + 1;
         let mut sum = Sum { volume: 0.0, area: 0.0, bounds: None };
         match &self.blocks[n] {
             Block::Outside => return sum,
@@ -73,7 +74,6 @@ impl HullGrid {
             }
             Block::Mixed(_) => {}
         }
-        const E: usize = B + 1;
         let mut corners = [0f32; E * E * E];
         self.corners_of(n, &mut corners);
         let corner = self.block_corner(n);

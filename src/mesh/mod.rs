@@ -55,9 +55,9 @@ pub fn mesh(
         progress(part(0.0));
         let field = cut::Field::sample(body, lattice)?;
         progress(part(0.3));
-        let filled = repair::fill(body, &field)?;
+        let filled = repair::fill(body, &field);
         progress(part(0.5));
-        let mut mesh = pieces::largest(filled);
+        let mut mesh = pieces::largest(&filled);
         optimise::improve(body, controls, spacing, &mut mesh);
         mesh.check()?;
         let quality = mesh.quality();

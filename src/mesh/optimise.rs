@@ -267,7 +267,7 @@ impl<'a> Smoother<'a> {
         let mut s1 = -f0;
         let mut f1 = self.body.value(&(p + normal * s1));
         for _ in 0..4 {
-            if f1.abs() < 1e-5 * self.spacing_mm || f1 == f0 {
+            if f1.abs() < 1e-5 * self.spacing_mm || (f1 - f0).abs() < f64::MIN_POSITIVE {
                 break;
             }
             let s2 = s1 - f1 * (s1 - s0) / (f1 - f0);

@@ -5,7 +5,7 @@ use super::score;
 use super::tetmesh::sorted_faces;
 
 /// Keeps the piece of greatest volume and the nodes that it uses, in their order.
-pub(super) fn largest(mesh: TetMesh) -> TetMesh {
+pub(super) fn largest(mesh: &TetMesh) -> TetMesh {
     let piece = label(&mesh.tets);
     let count = piece.iter().max().map_or(0, |m| *m as usize + 1);
     let mut volume = vec![0.0; count];

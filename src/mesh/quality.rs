@@ -74,7 +74,7 @@ impl TetMesh {
         let volume_mm3 = score::volume(&p);
         let dihedral_deg =
             score::EDGES.map(|[_, _, k, l]| n[k].cross(&n[l]).norm().atan2(-n[k].dot(&n[l])).to_degrees());
-        let largest = n.iter().map(|v| v.norm()).fold(0.0, f64::max);
+        let largest = n.iter().map(nalgebra::Matrix::norm).fold(0.0, f64::max);
         let shortest =
             score::EDGES.iter().map(|&[i, j, ..]| (p[i] - p[j]).norm()).fold(f64::INFINITY, f64::min);
         // Circumcentre relative to node 0: (|b|² c×d + |c|² d×b + |d|² b×c) / 12 V.

@@ -5,17 +5,17 @@
 //! and each edge and fan closes. So the warped points at a fault are put back, to be inside or outside, and the
 //! lattice is cut again. Each round puts back at least one point, and few rounds are needed.
 
+use super::TetMesh;
 use super::cut::Field;
 use super::stencil;
 use super::tetmesh::{boundary, face_nodes};
-use super::{MeshError, TetMesh};
 use crate::geometry::ImplicitBody;
 
 /// After so many rounds every warped point is put back at once.
 const ROUNDS: usize = 40;
 
 /// The tetrahedra of a body, their surface manifold, possibly in several pieces.
-pub(super) fn fill(body: &dyn ImplicitBody, field: &Field) -> Result<TetMesh, MeshError> {
+pub(super) fn fill(body: &dyn ImplicitBody, field: &Field) -> TetMesh {
     let points = field.values.len();
     let mut kept = vec![false; points];
     for round in 0..=ROUNDS {
@@ -23,7 +23,7 @@ pub(super) fn fill(body: &dyn ImplicitBody, field: &Field) -> Result<TetMesh, Me
         let tets = stencil::cut_all(body, field, &warped);
         let faulty = faulty_nodes(&tets, points + field.cut_count());
         if faulty.is_empty() {
-            return Ok(compact(tets, points + field.cut_count(), |n| warped.place(field, n)));
+            return compact(tets, points + field.cut_count(), |n| warped.place(field, n));
         }
         if round + 1 >= ROUNDS {
             kept.fill(true);

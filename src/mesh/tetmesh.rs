@@ -5,7 +5,7 @@ use crate::geometry::{MeshFault, Point, TriangleMesh};
 use rayon::prelude::*;
 
 /// The faces of a tetrahedron as places in its list of nodes, counter-clockwise seen from outside, in the order of
-/// Abaqus' and CalculiX' S1 to S4.
+/// Abaqus' and `CalculiX`' S1 to S4.
 pub const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
 
 /// A body of four-node tetrahedra.
@@ -81,7 +81,12 @@ impl TetMesh {
 
     /// The volume, mm³.
     pub fn volume_mm3(&self) -> f64 {
-        (0..self.tets.len()).map(|t| score::volume(&self.corners(t))).sum()
+        self.tet_volumes_mm3().sum()
+    }
+
+    /// The volume of each tetrahedron, mm³.
+    pub fn tet_volumes_mm3(&self) -> impl Iterator<Item = f64> {
+        (0..self.tets.len()).map(|t| score::volume(&self.corners(t)))
     }
 
     /// The boundary: faces with one tetrahedron, in the order of their tetrahedra.

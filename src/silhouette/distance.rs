@@ -134,7 +134,7 @@ fn far(padded: &Padded, w: usize, h: usize) -> Vec<f32> {
             sweep(column, |k| crossing(padded.at(x + 1, k), padded.at(x + 1, k + 1)));
         });
         let mut rows = transposed(&columns, h, w);
-        rows.par_chunks_mut(w).for_each_init(Envelope::default, |e, row| e.lower(row));
+        rows.par_chunks_mut(w).for_each_init(Envelope::default, Envelope::lower);
         rows
     };
     let on_rows = || {
@@ -143,7 +143,7 @@ fn far(padded: &Padded, w: usize, h: usize) -> Vec<f32> {
             sweep(row, |k| crossing(padded.at(k, y + 1), padded.at(k + 1, y + 1)));
         });
         let mut columns = transposed(&rows, w, h);
-        columns.par_chunks_mut(h).for_each_init(Envelope::default, |e, column| e.lower(column));
+        columns.par_chunks_mut(h).for_each_init(Envelope::default, Envelope::lower);
         transposed(&columns, h, w)
     };
     let (mut a, b) = rayon::join(on_columns, on_rows);

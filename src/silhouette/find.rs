@@ -63,7 +63,7 @@ pub fn find(
         scene.region = frame;
         seen = look(picture, &frame, &scene, settings)?;
     }
-    finish(picture, &frame, &scene, settings, seen)
+    finish(picture, &frame, &scene, settings, &seen)
 }
 
 /// The pixel-accurate state of affairs in the region.
@@ -107,10 +107,9 @@ fn look(
     let clear = LEAST_THRESHOLD.max(CLEAR_SIGMAS * noise);
     let low = three.map_or(two.threshold, |t| t.thresholds[0]);
     let threshold = match settings.classes {
-        Classes::Two => two.threshold,
         Classes::Three => low,
         Classes::Auto if low >= clear => low.min(two.threshold),
-        Classes::Auto => two.threshold,
+        Classes::Two | Classes::Auto => two.threshold,
     };
     let mut occupied = Mask { width: plane.width, height: plane.height, bits: plane.above(threshold) };
     let stands = settings.pedestal == PedestalMode::Auto && plane.rect.y1 == frame.y1;
@@ -171,9 +170,9 @@ fn finish(
     frame: &Rect,
     scene: &Scene,
     settings: &Settings,
-    seen: Seen,
+    seen: &Seen,
 ) -> Result<Found, SilhouetteError> {
-    let Seen { plane, occupied, grain, pedestal, .. } = &seen;
+    let Seen { plane, occupied, grain, pedestal, .. } = seen;
     // The grain together with the pedestal below it, so that the cut is the only edge between them.
     let mut body = grain.clone();
     if let Some(pedestal) = pedestal {
@@ -209,7 +208,7 @@ fn finish(
     field.keep_largest();
     let silhouette = cropped(picture, plane, &field)
         .ok_or(SilhouetteError::TooSmall { area_px: 0.0, limit_px: settings.min_area_px })?;
-    let report = report(frame, scene, &seen, &silhouette);
+    let report = report(frame, scene, seen, &silhouette);
     Ok(Found { silhouette, report })
 }
 
