@@ -1,0 +1,75 @@
+//! From the camera's bytes to pixels.
+
+use crate::rig::Encoding;
+use crate::silhouette::Picture;
+use image::{ImageFormat, ImageReader, Limits};
+use std::io::Cursor;
+
+/// No camera in view has more than this many bytes of pixels; a header that claims more is a lie.
+const MOST_BYTES: u64 = 1 << 30;
+
+/// Decodes a JPEG, PNG or TIFF into grey or colour pixels of 8 bits.
+///
+/// # Errors
+/// The decoder's reason: an unknown kind of file, a truncated one, or one that claims more than 1 GiB.
+pub fn decode(bytes: &[u8]) -> Result<Picture, String> {
+    if bytes.is_empty() {
+        return Err("the file is empty (0 bytes)".into());
+    }
+    let format = match Encoding::sniff(bytes) {
+        Some(Encoding::Jpeg) => {
+            // The decoder fills what a cut-off file lacks with grey: nothing it says would tell.
+            let end = bytes.iter().rposition(|b| *b != 0).unwrap_or(0);
+            if end < 1 || bytes[end - 1..=end] != [0xff, 0xd9] {
+                return Err("the JPEG is truncated: it has no end marker".into());
+            }
+            ImageFormat::Jpeg
+        }
+        Some(Encoding::Png) => ImageFormat::Png,
+        Some(Encoding::Tiff) => ImageFormat::Tiff,
+        None => return Err("it is no JPEG, PNG or TIFF file".into()),
+    };
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(MOST_BYTES);
+    limits.max_image_width = Some(1 << 16);
+    limits.max_image_height = Some(1 << 16);
+    reader.limits(limits);
+    let picture = reader.decode().map_err(|e| e.to_string())?;
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    let (channels, data) = if picture.color().has_color() {
+        (3, picture.into_rgb8().into_raw())
+    } else {
+        (1, picture.into_luma8().into_raw())
+    };
+    Picture::new(width, height, channels, data).map_err(|e| e.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::{DynamicImage, GrayImage, RgbImage};
+
+    fn encoded(picture: &DynamicImage, format: ImageFormat) -> Vec<u8> {
+        let mut out = Cursor::new(Vec::new());
+        picture.write_to(&mut out, format).unwrap();
+        out.into_inner()
+    }
+
+    #[test]
+    fn grey_and_colour_come_through_and_damage_is_told() {
+        let grey = DynamicImage::from(GrayImage::from_fn(40, 30, |x, y| image::Luma([(x * 5 + y) as u8])));
+        let colour = DynamicImage::from(RgbImage::from_fn(40, 30, |x, y| image::Rgb([x as u8, y as u8, 7])));
+        let p = decode(&encoded(&grey, ImageFormat::Png)).unwrap();
+        assert_eq!((p.width(), p.height(), p.channels()), (40, 30, 1));
+        assert_eq!(p.data()[41], 6);
+        let jpeg = encoded(&colour, ImageFormat::Jpeg);
+        assert_eq!(decode(&jpeg).unwrap().channels(), 3);
+        for cut in [0, 1, 2, 10, jpeg.len() / 2, jpeg.len() - 1] {
+            assert!(decode(&jpeg[..cut]).is_err(), "{cut} of {} bytes were taken for a picture", jpeg.len());
+        }
+        let png = encoded(&grey, ImageFormat::Png);
+        assert!(decode(&png[..png.len() / 2]).is_err());
+        assert!(decode(b"hello").is_err());
+    }
+}

@@ -1,0 +1,120 @@
+//! The order of the stages: photograph → silhouette → calibrate → hull → mesh → files.
+//!
+//! The only place that knows it. Views come in over a bounded channel while the stage still turns; each is
+//! decoded, cut out and carved into a live hull at once. When the last one is in, the axis is measured from
+//! all silhouettes, the hull is carved again with the measured cameras, meshed and written.
+
+mod decode;
+mod products;
+mod reconstruct;
+mod result;
+mod settings;
+mod stream;
+
+pub use decode::decode;
+pub use products::{Product, products};
+pub use reconstruct::{Reconstruction, Taken};
+pub use result::{AxisResult, HullResult, MeshResult, ResultFile, Timing, ViewResult};
+pub use settings::{Cameras, HullSettings, LengthUnit, MeshSettings, Settings, TurntableSettings};
+pub use stream::{Observer, Pipeline, View};
+
+use crate::calibrate::AxisError;
+use crate::export::ExportError;
+use crate::hull::HullError;
+use crate::mesh::MeshError;
+use crate::silhouette::SilhouetteError;
+
+/// Why there is no result.
+#[derive(Debug, thiserror::Error)]
+pub enum PipelineError {
+    /// A picture could not be read.
+    #[error(
+        "view {view}: the picture ({bytes} bytes) cannot be decoded: {reason}; take the view again or remove it"
+    )]
+    Decode {
+        /// Index of the view.
+        view: usize,
+        /// Size of the file.
+        bytes: usize,
+        /// What the decoder says.
+        reason: String,
+    },
+    /// A picture has another size than the first.
+    #[error(
+        "view {view} is {width} × {height} px, the first view is {expected_width} × {expected_height} px; all views \
+         of a session must come from one camera setting"
+    )]
+    Size {
+        /// Index of the view.
+        view: usize,
+        /// Its width.
+        width: usize,
+        /// Its height.
+        height: usize,
+        /// The first view's width.
+        expected_width: usize,
+        /// The first view's height.
+        expected_height: usize,
+    },
+    /// No silhouette in a view.
+    #[error("view {view}: {source}")]
+    Silhouette {
+        /// Index of the view.
+        view: usize,
+        /// Why.
+        source: SilhouetteError,
+    },
+    /// A grain that leaves the picture, where the whole grain is needed.
+    #[error(
+        "view {view}: the grain reaches the {side} border of the picture, so part of it is not seen; centre the grain \
+         or use a smaller magnification"
+    )]
+    CutByBorder {
+        /// Index of the view.
+        view: usize,
+        /// Which border.
+        side: &'static str,
+    },
+    /// A view has no camera.
+    #[error("view {view} has no camera; {cameras} cameras were given")]
+    NoCamera {
+        /// Index of the view.
+        view: usize,
+        /// How many there are.
+        cameras: usize,
+    },
+    /// Too few views arrived.
+    #[error("{got} of {expected} views are there; resume the session, or import the missing pictures")]
+    MissingViews {
+        /// Views that arrived.
+        got: usize,
+        /// Views in the plan.
+        expected: usize,
+    },
+    /// A setting is outside its limits.
+    #[error(
+        "{name} is {value} {unit}, it must be {limit}; change it in the configuration or on the command line"
+    )]
+    Setting {
+        /// Its name.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// Its unit.
+        unit: &'static str,
+        /// What is allowed.
+        limit: &'static str,
+    },
+    /// The axis can't be found.
+    #[error(transparent)]
+    Axis(#[from] AxisError),
+    /// The silhouettes have no hull.
+    #[error(transparent)]
+    Hull(#[from] HullError),
+    /// The hull can't be meshed.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    /// A product can't be written.
+    #[error(transparent)]
+    Export(#[from] ExportError),
+}

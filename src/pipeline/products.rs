@@ -1,0 +1,44 @@
+//! The products of a session, as bytes.
+
+use super::{PipelineError, Reconstruction};
+use crate::export::{inp, stl, vtu};
+
+/// One product.
+#[derive(Debug, Clone)]
+pub struct Product {
+    /// What it is: `inp`, `vtu`, `stl`.
+    pub kind: &'static str,
+    /// Its file name.
+    pub file: String,
+    /// Its bytes.
+    pub bytes: Vec<u8>,
+}
+
+/// The mesh as Abaqus input, `ParaView` grid and STL surface. The same reconstruction gives the same bytes.
+///
+/// # Errors
+/// [`PipelineError::Export`] where a format can't hold the mesh.
+pub fn products(made: &Reconstruction, software: &str, session: &str) -> Result<Vec<Product>, PipelineError> {
+    let mesh = &made.tetrahedra;
+    let surface = mesh.surface();
+    let mut provenance =
+        vec![format!("made by {software} from session {session}, {} views", made.views.len())];
+    match made.scale_mm_per_px {
+        Some(scale) => provenance.push(format!("{scale} mm per pixel, z = 0 at the foot of the grain")),
+        None => provenance.push("in the frame of the given cameras".into()),
+    }
+    if made.hull.volume_mm3.is_none() {
+        provenance.push("NOT METRIC: the cameras have no unit of length".into());
+    }
+    let mut deck = Vec::new();
+    inp::write(mesh, &provenance, made.controls.surface_size_mm, &mut deck)?;
+    let mut grid = Vec::new();
+    let volumes: Vec<f64> = mesh.tet_volumes_mm3().collect();
+    let column = vtu::Column { name: "volume_mm3", components: 1, values: &volumes };
+    vtu::write(mesh, &[], &[column], &mut grid)?;
+    let mut triangles = Vec::new();
+    stl::write(&surface.triangles, &mut triangles)?;
+    Ok([("inp", deck), ("vtu", grid), ("stl", triangles)]
+        .map(|(kind, bytes)| Product { kind, file: format!("grain.{kind}"), bytes })
+        .into())
+}

@@ -1,0 +1,219 @@
+//! All views are in: axis, cameras, hull, mesh.
+
+use super::result::{AxisResult, HullResult, MeshResult, Timing, ViewResult};
+use super::{Cameras, LengthUnit, Observer, PipelineError, Settings, TurntableSettings};
+use crate::calibrate::{Axis, AxisMethod, Turntable, find_axis};
+use crate::geometry::{Angle, Projection};
+use crate::hull::{Cone, HullGrid, VisualHull, find_bounds, silhouette_iou};
+use crate::mesh::{Controls, TetMesh, mesh};
+use crate::session::event::{Happening, Role};
+use crate::silhouette::{Found, Silhouette};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// The finest default grid: cells along the hull's longest edge.
+const MOST_DEFAULT_CELLS: f64 = 400.0;
+
+/// A view that has been cut out.
+#[derive(Debug, Clone)]
+pub struct Taken {
+    /// Index in the plan.
+    pub index: usize,
+    /// What it is for.
+    pub role: Role,
+    /// The stage's angle.
+    pub angle: Angle,
+    /// The outline, shared with the hull.
+    pub silhouette: Arc<Silhouette>,
+    /// How it was found.
+    pub found: Found,
+    /// What decoding and cutting out took, seconds.
+    pub seconds: f64,
+}
+
+/// What the computation made.
+#[derive(Debug, Clone)]
+pub struct Reconstruction {
+    /// Views that carved the hull.
+    pub views: Vec<ViewResult>,
+    /// Size of a pixel at the axis, mm; `None` with given cameras.
+    pub scale_mm_per_px: Option<f64>,
+    /// The rotation axis, before a turntable.
+    pub axis: Option<AxisResult>,
+    /// Measures of the hull.
+    pub hull: HullResult,
+    /// Measures of the mesh.
+    pub mesh: MeshResult,
+    /// The mesh.
+    pub tetrahedra: TetMesh,
+    /// The controls that the mesh keeps.
+    pub controls: Controls,
+    /// Seconds each stage took.
+    pub timing_s: Timing,
+    /// What a person should know.
+    pub warnings: Vec<String>,
+}
+
+/// The camera before the axis is measured: the given axis, else the pedestal's middle, else the outline's.
+pub(super) fn provisional_camera(table: &TurntableSettings, view: &Taken) -> Turntable {
+    let s = &view.silhouette;
+    let pedestal = view.found.report.pedestal;
+    let middle = s.origin[0] as f64 + 0.5 * s.size[0] as f64;
+    Turntable {
+        mm_per_px: table.mm_per_px,
+        axis_column_px: table.axis_column_px.or(pedestal.map(|p| p.centre_column)).unwrap_or(middle),
+        origin_row_px: pedestal.map_or((s.origin[1] + s.size[1]) as f64, |p| p.top_row),
+        principal_row_px: 0.5 * (s.picture[1] as f64 - 1.0),
+        roll_rad: table.roll_deg.unwrap_or(0.0).to_radians(),
+        camera_distance_mm: table.camera_distance_mm,
+    }
+}
+
+/// Hull and mesh from all views, in the order of their indices.
+pub(super) fn reconstruct(
+    settings: &Settings,
+    cameras: &Cameras,
+    taken: &[Taken],
+    observer: &Observer,
+) -> Result<Reconstruction, PipelineError> {
+    let working = |stage: &str, done: f64| observer(Happening::Working { stage: stage.into(), done });
+    let mut warnings = Vec::new();
+
+    working("calibrate", 0.0);
+    let start = Instant::now();
+    let (projections, axis) = cameras_of(cameras, taken, &mut warnings)?;
+    let calibrate_s = start.elapsed().as_secs_f64();
+
+    working("hull", 0.0);
+    let start = Instant::now();
+    let cones: Vec<Cone> = (taken.iter().zip(projections))
+        .filter(|(t, _)| t.role == Role::Grain)
+        .map(|(t, p)| Cone::new(p, Arc::clone(&t.silhouette)))
+        .collect();
+    let bounds = find_bounds(&cones)?;
+    let scale_mm_per_px = match cameras {
+        Cameras::Turntable(t) => Some(t.mm_per_px),
+        Cameras::Given { .. } => None,
+    };
+    let longest = bounds.size().max();
+    let by_default = scale_mm_per_px.unwrap_or(0.0).max(longest / MOST_DEFAULT_CELLS);
+    let mut grid = HullGrid::new(&bounds, settings.hull.voxel_mm.unwrap_or(by_default))?;
+    for (k, cone) in cones.iter().enumerate() {
+        grid.carve(cone);
+        working("hull", (k + 1) as f64 / cones.len() as f64);
+    }
+    let measures = grid.measures();
+    let tight = measures.bounding_box_mm.ok_or(crate::hull::HullError::Empty { views: cones.len() })?;
+    let voxels = grid.count_voxels();
+    let triangles = grid.surface_triangles();
+    drop(grid);
+    let ious: Vec<f64> = {
+        use rayon::prelude::*;
+        cones.par_iter().map(|c| silhouette_iou(c, &triangles)).collect()
+    };
+    drop(triangles);
+    let hull_s = start.elapsed().as_secs_f64();
+
+    let start = Instant::now();
+    let body = VisualHull { cones, bounds: tight.grown(0.02 * longest) };
+    let diameter_mm = (6.0 * measures.volume_mm3 / std::f64::consts::PI).cbrt();
+    let controls = settings.mesh.controls(diameter_mm);
+    let tetrahedra = mesh(&body, &controls, &mut |done| working("mesh", done))?;
+    let mesh_s = start.elapsed().as_secs_f64();
+
+    let metric = !matches!(cameras, Cameras::Given { unit: LengthUnit::None, .. });
+    if !metric {
+        warnings
+            .push("the cameras have no unit of length: shapes only, no volumes or lengths are stated".into());
+    }
+    if tetrahedra.dropped_pieces > 0 {
+        warnings.push(format!(
+            "the hull has {} more piece(s) than the largest, which alone is meshed; look for dust in the views",
+            tetrahedra.dropped_pieces
+        ));
+    }
+    let silhouette_s = taken.iter().map(|t| t.seconds).sum::<f64>();
+    let views: Vec<ViewResult> = (taken.iter())
+        .filter(|t| t.role == Role::Grain)
+        .zip(&ious)
+        .map(|(t, iou)| ViewResult::new(t, *iou))
+        .collect();
+    Ok(Reconstruction {
+        hull: HullResult::new(&measures, &voxels, &ious, metric),
+        mesh: MeshResult::new(&tetrahedra, &controls, metric),
+        views,
+        scale_mm_per_px,
+        axis,
+        controls,
+        tetrahedra,
+        timing_s: Timing {
+            silhouette: silhouette_s,
+            calibrate: calibrate_s,
+            hull: hull_s,
+            mesh: mesh_s,
+            total: silhouette_s + calibrate_s + hull_s + mesh_s,
+        },
+        warnings,
+    })
+}
+
+/// Each view's camera, and the axis where it was measured.
+fn cameras_of(
+    cameras: &Cameras,
+    taken: &[Taken],
+    warnings: &mut Vec<String>,
+) -> Result<(Vec<Projection>, Option<AxisResult>), PipelineError> {
+    let table = match cameras {
+        Cameras::Given { projections, .. } => {
+            let pick = |t: &Taken| {
+                let missing = PipelineError::NoCamera { view: t.index, cameras: projections.len() };
+                projections.get(t.index).cloned().ok_or(missing)
+            };
+            return Ok((taken.iter().map(pick).collect::<Result<_, _>>()?, None));
+        }
+        Cameras::Turntable(table) => table,
+    };
+    let Some(first) = taken.first() else { return Err(crate::hull::HullError::NoViews.into()) };
+    let turned = |t: &Taken| if table.clockwise { -t.angle } else { t.angle };
+    let mut camera = provisional_camera(table, first);
+    let tops: Vec<f64> = taken.iter().filter_map(|t| t.found.report.pedestal.map(|p| p.top_row)).collect();
+    camera.origin_row_px = if tops.is_empty() {
+        let lows = taken.iter().map(|t| lowest_row(&t.silhouette));
+        warnings.push("no pedestal was found: z = 0 is the lowest row of the silhouettes".into());
+        lows.fold(0.0, f64::max)
+    } else {
+        median(tops)
+    };
+    let axis = match table.axis_column_px {
+        Some(column_px) => Axis {
+            column_px,
+            row_px: camera.origin_row_px,
+            roll_rad: table.roll_deg.unwrap_or(0.0).to_radians(),
+            residual_px: 0.0,
+            method: AxisMethod::Given,
+        },
+        None => find_axis(&taken.iter().map(|t| (turned(t), &*t.silhouette)).collect::<Vec<_>>())?,
+    };
+    camera.roll_rad = table.roll_deg.map_or(axis.roll_rad, f64::to_radians);
+    camera.axis_column_px = axis.column_px + camera.roll_rad.tan() * (camera.origin_row_px - axis.row_px);
+    let result = AxisResult {
+        axis_column_px: camera.axis_column_px,
+        roll_deg: camera.roll_rad.to_degrees(),
+        origin_row_px: camera.origin_row_px,
+        residual_px: axis.residual_px,
+        method: axis.method,
+    };
+    Ok((taken.iter().map(|t| camera.view(turned(t), 0.0)).collect(), Some(result)))
+}
+
+/// The lowest row (greatest index) that the outline reaches.
+fn lowest_row(s: &Silhouette) -> f64 {
+    let extents = s.extents_px();
+    let last = extents.iter().rposition(Option::is_some).unwrap_or(0);
+    (s.origin[1] + last) as f64 + 0.5
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}

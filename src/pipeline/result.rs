@@ -1,0 +1,211 @@
+//! What `result.json` says: every figure with its unit in its name.
+
+use super::Reconstruction;
+use super::reconstruct::Taken;
+use crate::calibrate::AxisMethod;
+use crate::geometry::Aabb;
+use crate::hull::{Measures, VoxelCount};
+use crate::mesh::{Controls, Dihedral, TetMesh};
+use crate::silhouette::Report;
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// The result of a session, as written to `result.json` and printed by `--json`.
+#[derive(Debug, Clone, Serialize)]
+pub struct ResultFile {
+    /// The program and its version.
+    pub software: String,
+    /// Name of the session.
+    pub session: String,
+    /// Views that carved the hull.
+    pub views: usize,
+    /// Size of a pixel at the axis, mm; `null` where each view has a camera of its own.
+    pub scale_mm_per_px: Option<f64>,
+    /// The rotation axis; `null` where each view has a camera of its own.
+    pub axis: Option<AxisResult>,
+    /// The visual hull.
+    pub hull: HullResult,
+    /// The mesh.
+    pub mesh: MeshResult,
+    /// The files, by kind.
+    pub products: BTreeMap<String, String>,
+    /// Seconds each stage took. In a file: on the run that first made the products, so that a replay gives the
+    /// same bytes.
+    pub timing_s: serde_json::Value,
+    /// What a person should know.
+    pub warnings: Vec<String>,
+    /// Each view's silhouette.
+    pub view_details: Vec<ViewResult>,
+}
+
+impl Reconstruction {
+    /// The result, with the products' places and the timing to state.
+    pub fn result_file(
+        &self,
+        software: &str,
+        session: &str,
+        products: BTreeMap<String, String>,
+        timing_s: serde_json::Value,
+    ) -> ResultFile {
+        ResultFile {
+            software: software.into(),
+            session: session.into(),
+            views: self.views.len(),
+            scale_mm_per_px: self.scale_mm_per_px,
+            axis: self.axis,
+            hull: self.hull,
+            mesh: self.mesh,
+            products,
+            timing_s,
+            warnings: self.warnings.clone(),
+            view_details: self.views.clone(),
+        }
+    }
+}
+
+/// The rotation axis in the picture.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct AxisResult {
+    /// Column of the axis in row `origin_row_px`.
+    pub axis_column_px: f64,
+    /// Turn of the picture, degrees.
+    pub roll_deg: f64,
+    /// The row of z = 0: the pedestal's top, or the lowest row of the silhouettes where there is none.
+    pub origin_row_px: f64,
+    /// Root mean square of what the outlines disagree by, pixels.
+    pub residual_px: f64,
+    /// How it was found.
+    pub method: AxisMethod,
+}
+
+/// One view.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ViewResult {
+    /// Index in the plan.
+    pub index: usize,
+    /// The stage's angle, degrees.
+    pub angle_deg: f64,
+    /// Intersection over union of the silhouette and the hull seen again by this view.
+    pub iou: f64,
+    /// How the silhouette was found.
+    pub silhouette: Report,
+}
+
+impl ViewResult {
+    pub(super) fn new(t: &Taken, iou: f64) -> Self {
+        Self { index: t.index, angle_deg: t.angle.deg(), iou, silhouette: t.found.report.clone() }
+    }
+}
+
+/// The visual hull: an upper bound of the grain.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct HullResult {
+    /// Volume, mm³; `null` where the cameras have no unit.
+    pub volume_mm3: Option<f64>,
+    /// Volume by counting voxels, as the paper does, mm³.
+    pub voxel_volume_mm3: Option<f64>,
+    /// Edge of a voxel, mm.
+    pub voxel_mm: Option<f64>,
+    /// Surface area, mm².
+    pub surface_area_mm2: Option<f64>,
+    /// The tight box, mm.
+    pub bounding_box_mm: Option<Aabb>,
+    /// How well the hull, seen again, fills the silhouettes.
+    pub silhouette_iou: Agreement,
+}
+
+/// Intersection over union, over the views.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Agreement {
+    /// The mean.
+    pub mean: f64,
+    /// The worst view's.
+    pub min: f64,
+}
+
+impl HullResult {
+    pub(super) fn new(m: &Measures, v: &VoxelCount, ious: &[f64], metric: bool) -> Self {
+        let stated = |x: f64| metric.then_some(x);
+        Self {
+            volume_mm3: stated(m.volume_mm3),
+            voxel_volume_mm3: stated(v.volume_mm3),
+            voxel_mm: stated(v.voxel_mm),
+            surface_area_mm2: stated(m.surface_area_mm2),
+            bounding_box_mm: m.bounding_box_mm.filter(|_| metric),
+            silhouette_iou: Agreement {
+                mean: ious.iter().sum::<f64>() / ious.len().max(1) as f64,
+                min: ious.iter().copied().fold(1.0, f64::min),
+            },
+        }
+    }
+}
+
+/// The mesh, its size and quality.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct MeshResult {
+    /// Nodes.
+    pub nodes: usize,
+    /// Facets of the surface.
+    pub triangles: usize,
+    /// Tetrahedra.
+    pub tetrahedra: usize,
+    /// Volume, mm³; `null` where the cameras have no unit.
+    pub volume_mm3: Option<f64>,
+    /// Angles between faces of tetrahedra, degrees.
+    pub dihedral_deg: Dihedral,
+    /// Angles of surface facets, degrees.
+    pub facet_angle_deg: Least,
+    /// Circumradius over shortest edge of tetrahedra.
+    pub radius_edge: Most,
+    /// Smallest over median altitude of tetrahedra: what the explicit time step costs.
+    pub altitude_min_over_median: f64,
+    /// The promises that the mesh keeps, in mm, degrees and mm³.
+    pub controls: Option<Controls>,
+}
+
+/// A figure's smallest value.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Least {
+    /// The smallest.
+    pub min: f64,
+}
+
+/// A figure's largest value.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Most {
+    /// The largest.
+    pub max: f64,
+}
+
+impl MeshResult {
+    /// The figures of a mesh that was made under these controls; lengths only where they are `metric`.
+    pub fn new(mesh: &TetMesh, controls: &Controls, metric: bool) -> Self {
+        let q = mesh.quality();
+        Self {
+            nodes: mesh.nodes.len(),
+            triangles: mesh.surface().triangles.triangles.len(),
+            tetrahedra: mesh.tets.len(),
+            volume_mm3: metric.then(|| mesh.volume_mm3()),
+            dihedral_deg: q.dihedral_deg,
+            facet_angle_deg: Least { min: q.facet_angle_deg },
+            radius_edge: Most { max: q.radius_edge },
+            altitude_min_over_median: q.altitude_min_mm / q.altitude_median_mm,
+            controls: metric.then_some(*controls),
+        }
+    }
+}
+
+/// Seconds each stage took: work done, not waiting for the rig.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Timing {
+    /// Decoding and cutting out, summed over the views (they run side by side).
+    pub silhouette: f64,
+    /// Finding the axis.
+    pub calibrate: f64,
+    /// Carving and measuring the hull.
+    pub hull: f64,
+    /// Meshing.
+    pub mesh: f64,
+    /// All of these.
+    pub total: f64,
+}

@@ -1,0 +1,160 @@
+//! What a person may set about the computation.
+
+use super::PipelineError;
+use crate::geometry::Projection;
+use crate::mesh::Controls;
+use crate::silhouette;
+use serde::{Deserialize, Serialize};
+
+/// Settings of the computation; every part has defaults.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Settings {
+    /// How the grain is told from pedestal and background.
+    pub silhouette: silhouette::Settings,
+    /// How finely the hull is measured.
+    pub hull: HullSettings,
+    /// The mesh's three controls.
+    pub mesh: MeshSettings,
+}
+
+/// How finely the hull is measured.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct HullSettings {
+    /// Edge of a voxel, mm. By default a pixel's size, or 1/400 of the hull's longest edge where that is larger.
+    pub voxel_mm: Option<f64>,
+}
+
+/// The mesh's three controls; what is absent follows from the grain's size.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MeshSettings {
+    /// Largest circumradius of a surface facet, mm.
+    pub surface_size_mm: Option<f64>,
+    /// Smallest angle of a surface facet, degrees.
+    pub facet_angle_deg: Option<f64>,
+    /// Largest volume of a tetrahedron, mm³.
+    pub tet_volume_mm3: Option<f64>,
+}
+
+impl MeshSettings {
+    /// The controls for a body of this equivalent diameter.
+    pub fn controls(&self, diameter_mm: f64) -> Controls {
+        let base = Controls::for_size(diameter_mm);
+        Controls {
+            surface_size_mm: self.surface_size_mm.unwrap_or(base.surface_size_mm),
+            facet_angle_deg: self.facet_angle_deg.unwrap_or(base.facet_angle_deg),
+            // A finer surface alone must not break against a coarse interior's default, nor the reverse.
+            tet_volume_mm3: self.tet_volume_mm3.unwrap_or_else(|| {
+                base.tet_volume_mm3
+                    * (self.surface_size_mm.unwrap_or(base.surface_size_mm) / base.surface_size_mm).powi(3)
+            }),
+        }
+    }
+}
+
+/// The unit in which given cameras measure the world.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LengthUnit {
+    /// Millimetres.
+    #[default]
+    Mm,
+    /// No unit: shapes only; volumes and lengths are not stated.
+    None,
+}
+
+/// Where each view's camera comes from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum Cameras {
+    /// A camera that stands still before a turntable; the axis is measured from the silhouettes.
+    Turntable(TurntableSettings),
+    /// A 3×4 matrix for each view.
+    Given {
+        /// The matrices, a view each.
+        projections: Vec<Projection>,
+        /// The unit of their world.
+        unit: LengthUnit,
+    },
+}
+
+/// What is known beforehand of a camera before a turntable.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TurntableSettings {
+    /// Size of a pixel at the rotation axis, mm.
+    pub mm_per_px: f64,
+    /// Distance from the centre of projection to the axis, mm; absent for a telecentric lens.
+    pub camera_distance_mm: Option<f64>,
+    /// Column of the axis, pixels; measured from the silhouettes where absent.
+    pub axis_column_px: Option<f64>,
+    /// Turn of the picture, degrees; measured where absent.
+    pub roll_deg: Option<f64>,
+    /// Whether the grain turns clockwise seen from above when the stage angle grows.
+    pub clockwise: bool,
+}
+
+impl Default for TurntableSettings {
+    fn default() -> Self {
+        Self {
+            mm_per_px: 0.0043,
+            camera_distance_mm: None,
+            axis_column_px: None,
+            roll_deg: None,
+            clockwise: false,
+        }
+    }
+}
+
+impl TurntableSettings {
+    /// Whether every number makes sense.
+    ///
+    /// # Errors
+    /// [`PipelineError::Setting`] names the one that does not.
+    pub fn check(&self) -> Result<(), PipelineError> {
+        let bad = |name, value, unit, limit| Err(PipelineError::Setting { name, value, unit, limit });
+        if !(self.mm_per_px.is_finite() && self.mm_per_px > 0.0) {
+            return bad("mm_per_px", self.mm_per_px, "mm per pixel", "a positive number");
+        }
+        if let Some(d) = self.camera_distance_mm
+            && !(d.is_finite() && d > 0.0)
+        {
+            return bad(
+                "camera_distance_mm",
+                d,
+                "mm",
+                "a positive number (leave it out for a telecentric lens)",
+            );
+        }
+        if let Some(c) = self.axis_column_px
+            && !c.is_finite()
+        {
+            return bad("axis_column_px", c, "px", "a number");
+        }
+        if let Some(r) = self.roll_deg
+            && !(-45.0..=45.0).contains(&r)
+        {
+            return bad("roll_deg", r, "°", "between -45 and 45");
+        }
+        Ok(())
+    }
+}
+
+impl Settings {
+    /// Whether every number makes sense.
+    ///
+    /// # Errors
+    /// [`PipelineError`] names the one that does not.
+    pub fn check(&self) -> Result<(), PipelineError> {
+        self.silhouette.check().map_err(|source| PipelineError::Silhouette { view: 0, source })?;
+        if let Some(v) = self.hull.voxel_mm
+            && !(v.is_finite() && v > 0.0)
+        {
+            return Err(crate::hull::HullError::Voxel(v).into());
+        }
+        self.mesh.controls(1.0).check()?;
+        Ok(())
+    }
+}

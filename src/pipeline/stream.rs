@@ -1,0 +1,186 @@
+//! Views stream through: decoded and cut out on worker threads, carved into a live hull as they come.
+
+use super::reconstruct::{Reconstruction, Taken, provisional_camera, reconstruct};
+use super::{Cameras, PipelineError, Settings, decode};
+use crate::calibrate::Turntable;
+use crate::geometry::{Aabb, Angle, Point};
+use crate::hull::{Cone, HullGrid};
+use crate::session::event::{Happening, Role};
+use crate::silhouette::{self, Picture};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+/// Cells of the live hull along the grain's height: enough for a number and a picture, quick to carve.
+const LIVE_CELLS: f64 = 96.0;
+/// Results that may wait for the live hull before the workers do.
+const WAITING_RESULTS: usize = 2;
+
+/// Told of what happens, from any thread.
+pub type Observer<'a> = dyn Fn(Happening) + Sync + 'a;
+
+/// One view on its way in.
+#[derive(Debug, Clone)]
+pub struct View {
+    /// Index in the plan.
+    pub index: usize,
+    /// What it is for.
+    pub role: Role,
+    /// The stage's angle.
+    pub angle: Angle,
+    /// The picture file's bytes.
+    pub bytes: Vec<u8>,
+}
+
+/// The computation of one session.
+#[derive(Debug, Clone)]
+pub struct Pipeline {
+    /// What a person set.
+    pub settings: Settings,
+    /// Where the views' cameras come from.
+    pub cameras: Cameras,
+    /// A picture of the stage without the grain, where there is one.
+    pub background: Option<Picture>,
+    /// Views in the plan.
+    pub views: usize,
+}
+
+impl Pipeline {
+    /// Takes views until the sender is gone, then computes hull and mesh.
+    ///
+    /// Memory is bounded: at most one picture is decoded per worker, the rest wait as the camera's own bytes in
+    /// the caller's bounded channel.
+    ///
+    /// # Errors
+    /// [`PipelineError`], at the first view that can't be used; the views' files are not touched.
+    pub fn run(&self, views: Receiver<View>, observer: &Observer) -> Result<Reconstruction, PipelineError> {
+        self.settings.check()?;
+        if let Cameras::Turntable(t) = &self.cameras {
+            t.check()?;
+        }
+        let mut taken = self.take(views, observer)?;
+        if taken.len() < self.views {
+            return Err(PipelineError::MissingViews { got: taken.len(), expected: self.views });
+        }
+        taken.sort_by_key(|t| t.index);
+        reconstruct(&self.settings, &self.cameras, &taken, observer)
+    }
+
+    fn take(&self, views: Receiver<View>, observer: &Observer) -> Result<Vec<Taken>, PipelineError> {
+        let workers = std::thread::available_parallelism().map_or(1, std::num::NonZero::get).min(4);
+        let views = Mutex::new(views);
+        std::thread::scope(|scope| {
+            let (send, receive) = sync_channel(WAITING_RESULTS);
+            for _ in 0..workers {
+                let (send, views) = (send.clone(), &views);
+                scope.spawn(move || self.work(views, &send));
+            }
+            drop(send);
+            let mut live = Live::default();
+            let mut taken: Vec<Taken> = Vec::new();
+            for (view, one) in receive {
+                let one = one.inspect_err(|error| {
+                    // Said at once: the run goes on, and ends with this error.
+                    let warnings = vec![error.to_string()];
+                    observer(Happening::Silhouette { view, area_px: 0.0, warnings });
+                })?;
+                let picture = one.found.silhouette.picture;
+                if let Some(first) = taken.first().map(|t| t.found.silhouette.picture)
+                    && first != picture
+                {
+                    return Err(PipelineError::Size {
+                        view: one.index,
+                        width: picture[0],
+                        height: picture[1],
+                        expected_width: first[0],
+                        expected_height: first[1],
+                    });
+                }
+                observer(Happening::Silhouette {
+                    view: one.index,
+                    area_px: one.found.report.area_px,
+                    warnings: one.found.report.warnings.clone(),
+                });
+                if one.role == Role::Grain {
+                    live.add(&self.cameras, &one, observer)?;
+                }
+                taken.push(one);
+            }
+            Ok(taken)
+        })
+    }
+
+    /// Decodes and cuts out views until there are none, or nobody wants the results.
+    fn work(&self, views: &Mutex<Receiver<View>>, send: &SyncSender<(usize, Result<Taken, PipelineError>)>) {
+        loop {
+            let next = views.lock().unwrap_or_else(PoisonError::into_inner).recv();
+            let Ok(view) = next else { return };
+            if send.send((view.index, self.cut_out(&view))).is_err() {
+                return;
+            }
+        }
+    }
+
+    fn cut_out(&self, view: &View) -> Result<Taken, PipelineError> {
+        let start = Instant::now();
+        let picture = decode(&view.bytes).map_err(|reason| PipelineError::Decode {
+            view: view.index,
+            bytes: view.bytes.len(),
+            reason,
+        })?;
+        let found = silhouette::find(&picture, self.background.as_ref(), &self.settings.silhouette)
+            .map_err(|source| PipelineError::Silhouette { view: view.index, source })?;
+        // Given cameras say what the picture covers; before a turntable the whole grain must be seen.
+        if matches!(self.cameras, Cameras::Turntable(_)) {
+            let sides = silhouette::Side::ALL.iter().zip(found.report.touches_border);
+            if let Some(side) = sides.filter(|s| s.1).map(|s| s.0.name()).next() {
+                return Err(PipelineError::CutByBorder { view: view.index, side });
+            }
+        }
+        Ok(Taken {
+            index: view.index,
+            role: view.role,
+            angle: view.angle,
+            silhouette: Arc::new(found.silhouette.clone()),
+            found,
+            seconds: start.elapsed().as_secs_f64(),
+        })
+    }
+}
+
+/// The live hull: carved with the camera that is known so far, for the monitor only.
+#[derive(Default)]
+struct Live {
+    grid: Option<(HullGrid, Turntable)>,
+}
+
+impl Live {
+    fn add(&mut self, cameras: &Cameras, view: &Taken, observer: &Observer) -> Result<(), PipelineError> {
+        // Given cameras bound the hull only together: their hull is carved at the end.
+        let Cameras::Turntable(table) = cameras else { return Ok(()) };
+        if self.grid.is_none() {
+            let camera = provisional_camera(table, view);
+            let s = &view.silhouette;
+            let mm = table.mm_per_px;
+            let (top, low) = (s.origin[1] as f64, (s.origin[1] + s.size[1]) as f64);
+            let reach = |column: usize| (column as f64 - camera.axis_column_px).abs();
+            let half = reach(s.origin[0]).max(reach(s.origin[0] + s.size[0])).max(low - top) * mm * 1.5;
+            let z = |row: f64| (camera.origin_row_px - row) * mm;
+            let margin = 0.1 * (low - top) * mm;
+            let bounds = Aabb {
+                min: Point::new(-half, -half, z(low) - margin),
+                max: Point::new(half, half, z(top) + margin),
+            };
+            let pitch = (bounds.size().max() / LIVE_CELLS).max(mm);
+            self.grid = Some((HullGrid::new(&bounds, pitch)?, camera));
+        }
+        if let Some((grid, camera)) = &mut self.grid {
+            let angle = if table.clockwise { -view.angle } else { view.angle };
+            grid.carve(&Cone::new(camera.view(angle, 0.0), Arc::clone(&view.silhouette)));
+            // One view bounds nothing along its own direction.
+            let volume_mm3 = (grid.views() > 1).then(|| grid.measures().volume_mm3);
+            observer(Happening::Hull { views: grid.views(), volume_mm3 });
+        }
+        Ok(())
+    }
+}
