@@ -129,7 +129,8 @@ impl Control {
         state.unwrap_or_else(PoisonError::into_inner).1
     }
 
-    pub(super) fn is_pausing(&self) -> bool {
+    /// Whether the run is paused, or will be before its next step.
+    pub fn is_pausing(&self) -> bool {
         self.lock().0 == Wish::Pause
     }
 

@@ -18,7 +18,7 @@ const LONGEST_SETTLE_MS: u64 = 60_000;
 /// A camera that delivers this many bad pictures in a row is broken.
 const MOST_RETAKES: u32 = 20;
 
-/// The `[acquire]` settings.
+/// The `[plan]` settings.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlanSettings {

@@ -66,6 +66,14 @@ impl Encoding {
             Self::Tiff => "tif",
         }
     }
+    /// Its media type, for a browser.
+    pub const fn media_type(self) -> &'static str {
+        match self {
+            Self::Jpeg => "image/jpeg",
+            Self::Png => "image/png",
+            Self::Tiff => "image/tiff",
+        }
+    }
     /// Recognises the file by its first bytes; `None` for anything else (an empty file too).
     pub fn sniff(bytes: &[u8]) -> Option<Self> {
         match bytes {
@@ -81,9 +89,7 @@ impl Encoding {
 #[derive(Debug, thiserror::Error)]
 pub enum RigError {
     /// A target outside the stage's limits: refused before anything moves.
-    #[error(
-        "the stage was asked for {asked}, its limits are {low} to {high}; change the plan or [stage] limits_deg"
-    )]
+    #[error("the stage was asked for {asked}, its limits are {low} to {high}; change the plan or limits_deg")]
     OutOfLimits {
         /// The angle asked for.
         asked: Angle,

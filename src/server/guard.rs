@@ -65,7 +65,7 @@ impl Guard {
     pub(super) fn new(address: SocketAddr, token: Option<&str>, allowed_hosts: &[String]) -> Self {
         let token = token.map(|token| Token {
             digest: Sha256::digest(token).into(),
-            cookie: format!("{:x}", Sha256::digest(format!("grainrig cookie {token}"))),
+            cookie: crate::session::sha256_hex(format!("grainrig cookie {token}").as_bytes()),
         });
         let allowed_hosts = allowed_hosts.iter().map(|host| host.to_ascii_lowercase()).collect();
         Self { token, allowed_hosts, any_address: !address.ip().to_canonical().is_loopback() }

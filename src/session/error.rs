@@ -27,7 +27,7 @@ pub enum SessionError {
         data: PathBuf,
     },
     /// There is no such session.
-    #[error("there is no session at {}; `grainrig list` shows those there are", path.display())]
+    #[error("there is no session at {}; check its name and the data folder (--data)", path.display())]
     Absent {
         /// Where it was looked for.
         path: PathBuf,

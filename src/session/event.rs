@@ -125,6 +125,9 @@ pub enum Happening {
         files: Vec<ProductRecord>,
         /// Seconds each stage took on the run that first made them.
         timing_s: serde_json::Value,
+        /// What was asked otherwise than the session's frozen configuration says; absent where nothing was.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        settings: Option<serde_json::Value>,
     },
     /// The run failed; what was captured stays.
     Failed {

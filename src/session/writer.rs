@@ -174,18 +174,6 @@ impl Session {
         let file_on_disk = WholeFile::create(&self.recording.folder.join(PRODUCTS), file)?;
         Ok(ProductWriter { file: file_on_disk, name: file.to_owned(), _lock: Arc::clone(&self.lock) })
     }
-
-    /// Journals finished products: from here on they count.
-    ///
-    /// # Errors
-    /// As [`Self::append`].
-    pub fn record_products(
-        &mut self,
-        files: Vec<ProductRecord>,
-        timing_s: serde_json::Value,
-    ) -> Result<Event, SessionError> {
-        self.append(Happening::Products { files, timing_s })
-    }
 }
 
 /// An angle as it is recorded: its shortest decimal text has at most 15 digits, which every reader
