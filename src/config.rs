@@ -1,0 +1,173 @@
+//! The configuration file: TOML, every key documented in `config/`, unknown keys refused.
+
+use crate::acquire::PlanSettings;
+use crate::pipeline::{self, HullSettings, MeshSettings, TurntableSettings};
+use crate::{rig, silhouette};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Everything that a person may set.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Config {
+    /// Which devices turn and photograph the grain.
+    pub rig: RigSettings,
+    /// How many views, how far apart.
+    pub plan: PlanSettings,
+    /// What is known of the camera.
+    pub optics: TurntableSettings,
+    /// How the grain is told from pedestal and background.
+    pub silhouette: silhouette::Settings,
+    /// How finely the hull is measured.
+    pub hull: HullSettings,
+    /// The mesh's three controls.
+    pub mesh: MeshSettings,
+    /// The simulated rig.
+    pub simulated: rig::simulated::Settings,
+    /// The web service.
+    pub serve: ServeSettings,
+}
+
+/// Which devices turn and photograph the grain.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RigSettings {
+    /// The kind of rig.
+    pub kind: RigKind,
+}
+
+/// The kinds of rig.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RigKind {
+    /// A rendered grain on a computed stage: no hardware needed.
+    #[default]
+    Simulated,
+}
+
+/// The web service.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ServeSettings {
+    /// Address and port to listen on.
+    pub listen: String,
+    /// Token that a client must show; required off loopback.
+    pub token: Option<String>,
+    /// Host names, beside loopback's, under which browsers may reach the service.
+    pub allowed_hosts: Vec<String>,
+}
+
+impl Default for ServeSettings {
+    fn default() -> Self {
+        Self { listen: "127.0.0.1:7272".into(), token: None, allowed_hosts: Vec::new() }
+    }
+}
+
+/// Why the configuration can't be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    /// The file can't be read.
+    #[error("cannot read the configuration {}: {source}; check the path given to --config", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The file is no configuration.
+    #[error("{}: {reason}; config/simulated.toml shows every key with its unit and default", path.display())]
+    Parse {
+        /// The file.
+        path: PathBuf,
+        /// Line, key and what is wrong.
+        reason: String,
+    },
+    /// A value is outside its limits.
+    #[error("{0}")]
+    Value(String),
+}
+
+impl Config {
+    /// Reads a configuration file.
+    ///
+    /// # Errors
+    /// [`ConfigError`] for a file that can't be read, or has an unknown key or a value of the wrong kind.
+    pub fn read(path: &Path) -> Result<Self, ConfigError> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| ConfigError::Read { path: path.into(), source })?;
+        toml::from_str(&text).map_err(|e| ConfigError::Parse {
+            path: path.into(),
+            reason: e.to_string().trim().replace('\n', " "),
+        })
+    }
+
+    /// Whether every value makes sense.
+    ///
+    /// # Errors
+    /// [`ConfigError::Value`] names the first that does not, its limit and the remedy.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        fn said(error: impl std::fmt::Display) -> ConfigError {
+            ConfigError::Value(error.to_string())
+        }
+        self.plan.check().map_err(said)?;
+        self.optics.check().map_err(said)?;
+        self.computation().check().map_err(said)?;
+        match self.rig.kind {
+            RigKind::Simulated => self.simulated.check().map_err(said),
+        }
+    }
+
+    /// This configuration with some keys set otherwise, for one run: `{"plan": {"views": 50}}`.
+    ///
+    /// # Errors
+    /// [`ConfigError::Value`] for an unknown key or a value of the wrong kind or outside its limits.
+    pub fn with(&self, overrides: serde_json::Map<String, serde_json::Value>) -> Result<Self, ConfigError> {
+        let said = |e: serde_json::Error| {
+            ConfigError::Value(format!(
+                "{e}; config/simulated.toml shows every key with its unit and default"
+            ))
+        };
+        let mut all = serde_json::to_value(self).map_err(said)?;
+        merge(&mut all, serde_json::Value::Object(overrides));
+        let changed: Self = serde_json::from_value(all).map_err(said)?;
+        changed.check()?;
+        Ok(changed)
+    }
+
+    /// The part that the computation needs.
+    pub fn computation(&self) -> pipeline::Settings {
+        pipeline::Settings {
+            silhouette: self.silhouette.clone(),
+            hull: self.hull.clone(),
+            mesh: self.mesh.clone(),
+        }
+    }
+}
+
+fn merge(into: &mut serde_json::Value, from: serde_json::Value) {
+    use serde_json::Value;
+    match (into, from) {
+        (Value::Object(into), Value::Object(from)) => {
+            for (key, value) in from {
+                merge(into.entry(key).or_insert(Value::Null), value);
+            }
+        }
+        (into, from) => *into = from,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shipped_configuration_is_the_default_and_unknown_keys_are_named() {
+        let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/simulated.toml");
+        assert_eq!(Config::read(&shipped).unwrap(), Config::default());
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("bad.toml");
+        std::fs::write(&path, "[plan]\nvews = 25\n").unwrap();
+        let text = Config::read(&path).unwrap_err().to_string();
+        assert!(text.contains("vews") && text.contains("views") && text.contains("bad.toml"), "{text}");
+    }
+}

@@ -1,0 +1,98 @@
+//! Owns the one rig and its one job at a time; what both the command line and the server drive.
+
+mod devices;
+mod finish;
+mod host;
+mod importing;
+mod live;
+mod recorded;
+
+pub use devices::{DeviceLine, devices};
+pub use finish::{Finished, RESULT};
+pub use host::{Host, HostError};
+pub use importing::{ImportGeometry, import};
+pub use live::{capture, resume};
+pub use recorded::{Replayed, reconstruct, replay};
+
+use crate::acquire::AcquireError;
+use crate::config::ConfigError;
+use crate::pipeline::PipelineError;
+use crate::rig::RigError;
+use crate::session::SessionError;
+use crate::session::event::Event;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Told of every event of a job, in order. Called while the session is held: it must not block.
+pub type Watcher = Arc<dyn Fn(&Event) + Send + Sync>;
+
+/// Why a job did not end with a result. What was captured stays.
+#[derive(Debug, thiserror::Error)]
+pub enum DaemonError {
+    /// The configuration.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The session on the disk.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    /// The capture.
+    #[error(transparent)]
+    Acquire(#[from] AcquireError),
+    /// A device.
+    #[error(transparent)]
+    Rig(#[from] RigError),
+    /// The computation.
+    #[error(transparent)]
+    Pipeline(#[from] PipelineError),
+    /// Somebody stopped the run.
+    #[error(
+        "the run was stopped after {captured} of {planned} views; `grainrig resume {session}` goes on with it"
+    )]
+    Aborted {
+        /// Name of the session.
+        session: String,
+        /// Views captured.
+        captured: usize,
+        /// Views in the plan.
+        planned: usize,
+    },
+    /// A product could not be written.
+    #[error("cannot write {}: {source}; check the disk's free space, then `grainrig reconstruct`", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The system gives no thread.
+    #[error("the run cannot begin: {source}; close other programs, or raise the limit of processes")]
+    Thread {
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The figures can't be encoded.
+    #[error("the result cannot be encoded: {0}; a figure is not finite, please report it with the session")]
+    Encode(String),
+    /// The manifest's configuration is from another version.
+    #[error(
+        "session {session}: its frozen {part} is not readable by this version: {reason}; use the version that made it"
+    )]
+    Frozen {
+        /// Name of the session.
+        session: String,
+        /// `configuration` or `cameras`.
+        part: &'static str,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A background picture that can't be read.
+    #[error(
+        "the background picture {file} cannot be used: {reason}; give a whole JPEG, PNG or TIFF of the empty stage"
+    )]
+    Background {
+        /// The file.
+        file: String,
+        /// What is wrong.
+        reason: String,
+    },
+}

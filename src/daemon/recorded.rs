@@ -1,0 +1,260 @@
+//! Jobs on recorded sessions: the computation again, and the whole way again.
+
+use super::finish::{self, Finished};
+use super::{DaemonError, Watcher};
+use crate::acquire::{self, Control, Earlier, FrameSink, Outcome, SystemClock};
+use crate::config::Config;
+use crate::geometry::Angle;
+use crate::pipeline::{Cameras, MeshSettings, Pipeline, PipelineError, Reconstruction, View, decode};
+use crate::rig::Frame;
+use crate::session::event::{Event, Happening};
+use crate::session::replay::replay as play;
+use crate::session::{Plan, PlannedView, Recording, Session, SessionError};
+use std::path::Path;
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Pictures that may wait for the workers.
+pub(super) const WAITING_VIEWS: usize = 2;
+
+/// The frozen configuration and cameras of a session, as the computation to run.
+pub(super) fn computation(recording: &Recording) -> Result<(Config, Pipeline), DaemonError> {
+    let manifest = recording.manifest();
+    let frozen = |part, reason: serde_json::Error| DaemonError::Frozen {
+        session: manifest.name.clone(),
+        part,
+        reason: reason.to_string(),
+    };
+    let config: Config =
+        serde_json::from_value(manifest.config.clone()).map_err(|e| frozen("configuration", e))?;
+    let cameras: Cameras =
+        serde_json::from_value(manifest.geometry.clone()).map_err(|e| frozen("cameras", e))?;
+    let background = match &manifest.background {
+        None => None,
+        Some(archived) => {
+            let bytes = recording.background()?.map(|f| f.bytes).unwrap_or_default();
+            let reason = |reason| DaemonError::Background { file: archived.file.clone(), reason };
+            Some(decode(&bytes).map_err(reason)?)
+        }
+    };
+    let pipeline =
+        Pipeline { settings: config.computation(), cameras, background, views: manifest.plan.views.len() };
+    Ok((config, pipeline))
+}
+
+/// Sends the views that are recorded already down the pipeline's channel; stops early where nobody takes them.
+pub(super) fn send_recorded(recording: &Recording, send: &SyncSender<View>) -> Result<(), DaemonError> {
+    for captured in recording.views() {
+        let view = View {
+            index: captured.view,
+            role: captured.role,
+            angle: Angle::from_deg(captured.reached_deg),
+            bytes: recording.frame(captured.view)?.bytes,
+        };
+        if send.send(view).is_err() {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// Computes a session's hull and mesh again and writes the products, with another mesh if wanted.
+///
+/// # Errors
+/// [`DaemonError`]; the session's pictures are only read.
+pub fn reconstruct(
+    folder: &Path,
+    mesh: Option<&MeshSettings>,
+    watcher: &Watcher,
+) -> Result<Finished, DaemonError> {
+    let mut session = Session::open(folder)?;
+    let watch = Arc::clone(watcher);
+    session.observe(move |e| watch(e));
+    let session = Mutex::new(session);
+    let recording = lock(&session).recording().clone();
+    let (_, mut pipeline) = computation(&recording)?;
+    if let Some(mesh) = mesh {
+        pipeline.settings.mesh = mesh.clone();
+        pipeline.settings.check()?;
+    }
+    let outcome = compute(&recording, &pipeline, &session);
+    conclude(&session, outcome, mesh)
+}
+
+/// Runs the pipeline over the recorded views, journalling what happens.
+pub(super) fn compute(
+    recording: &Recording,
+    pipeline: &Pipeline,
+    session: &Mutex<Session>,
+) -> Result<Reconstruction, DaemonError> {
+    let (send, receive) = sync_channel(WAITING_VIEWS);
+    std::thread::scope(|scope| {
+        let feeding = scope.spawn(move || send_recorded(recording, &send));
+        let made = pipeline.run(receive, &|what| note(session, what));
+        match feeding.join() {
+            Ok(fed) => fed?,
+            Err(panic) => std::panic::resume_unwind(panic),
+        }
+        Ok(made?)
+    })
+}
+
+/// Journals an event of the computation; a journal that can't be written ends the job at its next durable step.
+pub(super) fn note(session: &Mutex<Session>, what: Happening) {
+    if let Err(error) = lock(session).append(what) {
+        tracing::warn!("{error}");
+    }
+}
+
+pub(super) fn lock(session: &Mutex<Session>) -> std::sync::MutexGuard<'_, Session> {
+    session.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Writes the products, or journals why there are none. `mesh` is what was asked otherwise than the frozen settings.
+pub(super) fn conclude(
+    session: &Mutex<Session>,
+    outcome: Result<Reconstruction, DaemonError>,
+    mesh: Option<&MeshSettings>,
+) -> Result<Finished, DaemonError> {
+    let written = outcome.and_then(|made| {
+        let mut session = lock(session);
+        let manifest = session.recording().manifest().clone();
+        let timing = serde_json::json!(made.timing_s);
+        let files = finish::render(&made, &manifest.software, &manifest.name, timing.clone())?;
+        let records = finish::write(&mut session, files, timing, mesh)?;
+        let folder = session.recording().folder().to_owned();
+        let done = finish::finished(&made, &manifest.software, &folder, &manifest.name, records);
+        let result = serde_json::to_value(&done.result).map_err(|e| DaemonError::Encode(e.to_string()))?;
+        session.append(Happening::Complete { result })?;
+        Ok(done)
+    });
+    if let Err(error) = &written {
+        note(session, Happening::Failed { error: error.to_string() });
+    }
+    written
+}
+
+/// What a replay made, and how it compares.
+#[derive(Debug, Clone)]
+pub struct Replayed {
+    /// The result.
+    pub finished: Finished,
+    /// Products whose bytes differ from the recorded ones; the recorded ones are left as they are.
+    pub differs: Vec<String>,
+}
+
+/// Sends a recording the whole way again: through the acquisition, with the recording as stage and camera, through
+/// the computation, to the products. A product that is missing or damaged on the disk is written again; the journal
+/// stays as it is, except that a session without products gets its first ones.
+///
+/// # Errors
+/// [`DaemonError`] where views are missing, a file has changed, or the computation fails.
+pub fn replay(folder: &Path, watcher: &Watcher) -> Result<Replayed, DaemonError> {
+    let recording = Recording::read(folder)?;
+    let plan = Plan { settle_ms: 0, retakes: 0, ..recording.manifest().plan.clone() };
+    if recording.views().len() < plan.views.len() {
+        let (got, expected) = (recording.views().len(), plan.views.len());
+        return Err(PipelineError::MissingViews { got, expected }.into());
+    }
+    let (_, mut pipeline) = computation(&recording)?;
+    let made_before = recording.events().iter().rev().find_map(|e| match &e.what {
+        Happening::Products { timing_s, settings, .. } => Some((timing_s.clone(), settings.clone())),
+        _ => None,
+    });
+    if let Some((_, Some(asked))) = &made_before {
+        let frozen = |e: serde_json::Error| DaemonError::Frozen {
+            session: recording.manifest().name.clone(),
+            part: "mesh settings",
+            reason: e.to_string(),
+        };
+        pipeline.settings.mesh = serde_json::from_value(asked.clone()).map_err(frozen)?;
+    }
+    let session = &recording.manifest().name;
+    let (send, receive) = sync_channel(WAITING_VIEWS);
+    let numbered = Numbered { next: Mutex::new(1), watcher };
+    let made = std::thread::scope(|scope| {
+        let computing = scope.spawn(|| pipeline.run(receive, &|what| numbered.tell(what)));
+        let (mut stage, mut camera) = play(recording.clone());
+        let mut sink = ReplaySink { session, plan: &plan, send, numbered: &numbered };
+        let control = Control::new();
+        let ended = acquire::run(&mut stage, &mut camera, &plan, &mut sink, &control, &SystemClock::new());
+        drop(sink);
+        let made = match computing.join() {
+            Ok(made) => made,
+            Err(panic) => std::panic::resume_unwind(panic),
+        };
+        match ended? {
+            Outcome::Complete { .. } => Ok::<_, DaemonError>(made?),
+            Outcome::Aborted { captured } => {
+                let planned = plan.views.len();
+                Err(DaemonError::Aborted { session: session.clone(), captured, planned })
+            }
+        }
+    })?;
+    let Some((timing, _)) = made_before else {
+        let mut session = Session::open(folder)?;
+        let watch = Arc::clone(watcher);
+        session.observe(move |e| watch(e));
+        let finished = conclude(&Mutex::new(session), Ok(made), None)?;
+        return Ok(Replayed { finished, differs: Vec::new() });
+    };
+    let software = &recording.manifest().software;
+    let files = finish::render(&made, software, session, timing)?;
+    let differs = finish::compare(&recording, files)?;
+    let records = recording.products().cloned().collect();
+    let finished = finish::finished(&made, software, recording.folder(), session, records);
+    Ok(Replayed { finished, differs })
+}
+
+/// Numbers a replay's own events: the journal's are the recording's.
+struct Numbered<'a> {
+    next: Mutex<u64>,
+    watcher: &'a Watcher,
+}
+
+impl Numbered<'_> {
+    fn tell(&self, what: Happening) {
+        // Locked over the call, so that the events come in order.
+        let mut next = self.next.lock().unwrap_or_else(PoisonError::into_inner);
+        (self.watcher)(&Event { seq: *next, time: jiff::Timestamp::now(), what });
+        *next += 1;
+    }
+}
+
+/// Hands the played pictures to the pipeline: they are durable already.
+struct ReplaySink<'a> {
+    session: &'a str,
+    plan: &'a Plan,
+    send: SyncSender<View>,
+    numbered: &'a Numbered<'a>,
+}
+
+impl FrameSink for ReplaySink<'_> {
+    fn begin(&mut self) -> Result<Earlier, SessionError> {
+        let views = self.plan.views.len();
+        self.numbered.tell(Happening::Started {
+            session: self.session.to_owned(),
+            views,
+            already_captured: 0,
+        });
+        Ok(Earlier::default())
+    }
+
+    fn store(
+        &mut self,
+        view: &PlannedView,
+        reached: Angle,
+        frame: Frame,
+        _remaining_s: Option<f64>,
+    ) -> Result<(), SessionError> {
+        // A pipeline that has failed takes no more; its error is what the replay returns.
+        let _ =
+            self.send.send(View { index: view.index, role: view.role, angle: reached, bytes: frame.bytes });
+        Ok(())
+    }
+
+    fn event(&mut self, what: Happening) -> Result<(), SessionError> {
+        self.numbered.tell(what);
+        Ok(())
+    }
+}
