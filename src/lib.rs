@@ -4,7 +4,11 @@
 //! `tests/layering.rs` proves. Lengths are mm, angles radians inside; see `ARCHITECTURE.md`.
 
 pub mod acquire;
+pub mod cli;
+pub mod config;
+pub mod daemon;
 pub mod export;
+pub mod pipeline;
 pub mod rig;
 pub mod server;
 pub mod session;

@@ -1,3 +1,5 @@
 //! The `grainrig` program: parse, set up logging, run one command.
 
-fn main() {}
+fn main() -> std::process::ExitCode {
+    grainrig::cli::run()
+}

@@ -1,4 +1,4 @@
-//! The decks that are written run in CalculiX and give the forces that mechanics gives.
+//! The decks that are written run in `CalculiX` and give the forces that mechanics gives.
 
 use grainrig::export::inp;
 use grainrig::geometry::{Ball, Point};

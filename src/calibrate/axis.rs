@@ -308,7 +308,7 @@ mod tests {
                     ((60.0 * (a.rad() + 1.0).cos()).powi(2) + (45.0 * (a.rad() + 1.0).sin()).powi(2)).sqrt();
                 let size = [400, 40];
                 let distance_px =
-                    (0..400 * 40).map(|k| (((k % 400) as f64 - center).abs() - h) as f32).collect();
+                    (0..400 * 40).map(|k| ((f64::from(k % 400) - center).abs() - h) as f32).collect();
                 (a, Silhouette { picture: size, origin: [0, 0], size, distance_px })
             })
             .collect();

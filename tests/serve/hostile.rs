@@ -169,7 +169,7 @@ fn no_name_leaves_the_data_folder() {
     ];
     for name in names {
         for path in [
-            format!("{name}"),
+            name.to_string(),
             format!("{name}/frames/0000.jpg"),
             format!("quartz/frames/{name}"),
             format!("quartz/products/{name}"),

@@ -1,0 +1,146 @@
+//! `grainrig import`.
+
+use super::capture::report;
+use super::progress::Progress;
+use super::reconstruct::MeshOptions;
+use super::{Common, usage};
+use crate::daemon::{self, ImportGeometry};
+use crate::pipeline::{LengthUnit, TurntableSettings};
+use crate::session::import::{ImportRequest, Rotation};
+use anyhow::Result;
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+/// Options of `import`.
+///
+/// Before a turntable, in steps of 7.2°, telecentric, with one more picture at 180°:
+///
+///   grainrig import photos --pattern 'grain_*.png' --step-deg 7.2 --mm-per-px 0.00437 --closing-view 25
+///
+/// With a camera matrix for each picture:
+///
+///   grainrig import dino --pattern 'dino*.png' --cameras `dinoSR_par.txt`
+#[derive(Debug, Args)]
+#[command(verbatim_doc_comment)]
+pub struct Arguments {
+    /// Folder of photographs (JPEG, PNG, TIFF), taken in the order of the numbers in their names.
+    folder: PathBuf,
+    /// Which files are views, as a glob over file names.
+    #[arg(long, value_name = "GLOB", default_value = "*.{jpg,jpeg,png,tif,tiff,JPG,JPEG,PNG,TIF,TIFF}")]
+    pattern: String,
+    /// Angle between one view and the next, degrees.
+    #[arg(
+        long,
+        value_name = "DEG",
+        default_value_t = 7.2,
+        allow_negative_numbers = true,
+        conflicts_with = "cameras"
+    )]
+    step_deg: f64,
+    /// Angle of the first view, degrees.
+    #[arg(
+        long,
+        value_name = "DEG",
+        default_value_t = 0.0,
+        allow_negative_numbers = true,
+        conflicts_with = "cameras"
+    )]
+    first_deg: f64,
+    /// Which way the grain turns, seen from above.
+    #[arg(long, value_enum, default_value_t = Sense::Ccw, conflicts_with = "cameras")]
+    rotation: Sense,
+    /// Size of a pixel at the rotation axis, mm.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "cameras")]
+    mm_per_px: Option<f64>,
+    /// Distance from the lens's centre to the axis, mm; leave it out for a telecentric lens.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "cameras")]
+    camera_distance_mm: Option<f64>,
+    /// Column of the rotation axis, pixels; measured from the silhouettes where it is not given.
+    #[arg(long, value_name = "PX", conflicts_with = "cameras")]
+    axis_column_px: Option<f64>,
+    /// A camera for each picture: a Middlebury `_par.txt`, or CSV with 12 numbers (3×4 matrix, row by row) a line.
+    #[arg(long, value_name = "FILE")]
+    cameras: Option<PathBuf>,
+    /// Unit of the world that the cameras see: `none` for shapes without lengths. A `_par.txt` in metres is
+    /// turned into mm.
+    #[arg(long, value_enum, requires = "cameras", default_value_t = Unit::Mm)]
+    camera_unit: Unit,
+    /// A picture of the stage without the grain.
+    #[arg(long, value_name = "FILE")]
+    background: Option<PathBuf>,
+    /// Index (from 0) of a view at half a turn, which shows the axis and does not carve.
+    #[arg(long, value_name = "INDEX", conflicts_with = "cameras")]
+    closing_view: Option<usize>,
+    /// Name of the session; by default the folder's.
+    #[arg(long)]
+    name: Option<String>,
+    #[command(flatten)]
+    mesh: MeshOptions,
+}
+
+/// Which way the grain turns, seen from above.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Sense {
+    /// Counter-clockwise.
+    Ccw,
+    /// Clockwise.
+    Cw,
+}
+
+/// Units of length.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Unit {
+    /// Millimetres.
+    Mm,
+    /// None: shapes only, no volumes.
+    None,
+}
+
+pub(super) fn run(common: &Common, arguments: Arguments) -> Result<()> {
+    let mut config = common.config()?;
+    let Arguments { folder, pattern, cameras, camera_unit, background, name, mesh, closing_view, .. } =
+        arguments;
+    let geometry = match (&cameras, camera_unit) {
+        (Some(_), Unit::Mm) => ImportGeometry::Cameras(LengthUnit::Mm),
+        (Some(_), Unit::None) => ImportGeometry::Cameras(LengthUnit::None),
+        (None, _) => {
+            let mm_per_px = arguments.mm_per_px.ok_or_else(|| {
+                usage("the scale is missing; give --mm-per-px (the size of a pixel at the axis, mm) or --cameras")
+            })?;
+            let table = TurntableSettings {
+                mm_per_px,
+                camera_distance_mm: arguments.camera_distance_mm,
+                axis_column_px: arguments.axis_column_px,
+                roll_deg: config.optics.roll_deg,
+                // The plan's angles have the sense already.
+                clockwise: false,
+            };
+            table.check().map_err(usage)?;
+            ImportGeometry::Turntable(table)
+        }
+    };
+    if let Some(asked) = mesh.settings() {
+        config.mesh = asked;
+    }
+    let name = match name {
+        Some(name) => name,
+        None => folder
+            .canonicalize()
+            .ok()
+            .and_then(|f| f.file_name().map(|n| n.to_string_lossy().into_owned()))
+            .ok_or_else(|| {
+                usage(format!("{}: no such folder; give a folder of photographs", folder.display()))
+            })?,
+    };
+    let rotation = match arguments.rotation {
+        Sense::Ccw => Rotation::Ccw,
+        Sense::Cw => Rotation::Cw,
+    };
+    let (step_deg, first_deg) = (arguments.step_deg, arguments.first_deg);
+    let request =
+        ImportRequest { folder, pattern, step_deg, first_deg, rotation, closing_view, background, cameras };
+    let progress = Progress::new();
+    let outcome = daemon::import(&common.data, &name, &config, &request, geometry, &progress.watcher());
+    progress.finish();
+    report(common, &outcome?)
+}

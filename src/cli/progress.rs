@@ -1,0 +1,89 @@
+//! A progress bar on standard error: what is being done, how far it is, how long it takes.
+
+use crate::daemon::Watcher;
+use crate::session::event::{Event, Happening};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// The bar's steps for the computation after the last view.
+const COMPUTATION: u64 = 100;
+
+/// A bar that follows a job's events; nothing is drawn where standard error is no terminal.
+pub struct Progress {
+    bar: ProgressBar,
+}
+
+impl Progress {
+    /// An empty bar.
+    pub fn new() -> Self {
+        let bar = ProgressBar::no_length();
+        let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg} [{elapsed}]")
+            .unwrap_or_else(|_| ProgressStyle::default_bar());
+        bar.set_style(style);
+        Self { bar }
+    }
+
+    /// What a job calls with each event.
+    pub fn watcher(&self) -> Watcher {
+        let bar = self.bar.clone();
+        let last_stage = Mutex::new(String::new());
+        Arc::new(move |event: &Event| show(&bar, &last_stage, &event.what))
+    }
+
+    /// Removes the bar.
+    pub fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+fn show(bar: &ProgressBar, last_stage: &Mutex<String>, what: &Happening) {
+    // Where nobody sees a bar a plain line per view tells the same.
+    let line = |text: String| {
+        if bar.is_hidden() {
+            eprintln!("{text}");
+        } else {
+            bar.set_message(text);
+        }
+    };
+    match what {
+        Happening::Started { views, already_captured, session } => {
+            bar.set_length(*views as u64);
+            bar.set_position(*already_captured as u64);
+            line(format!("session {session}: {views} views, {already_captured} there already"));
+        }
+        Happening::Captured { view, remaining_s } => {
+            bar.inc(1);
+            let left = remaining_s.map_or_else(String::new, |s| format!(", {s:.0} s left"));
+            line(format!("view {} at {:.2}°{left}", view.view, view.reached_deg));
+        }
+        Happening::Silhouette { view, warnings, .. } => {
+            for w in warnings {
+                bar.suspend(|| eprintln!("view {view}: {w}"));
+            }
+        }
+        Happening::Hull { views, volume_mm3: Some(v) } if !bar.is_hidden() => {
+            bar.set_message(format!("hull of {views} views: {v:.4} mm³"));
+        }
+        Happening::Working { stage, done } => {
+            let mut last = last_stage.lock().unwrap_or_else(PoisonError::into_inner);
+            if *last != *stage {
+                last.clone_from(stage);
+                line(format!("computing: {stage}"));
+            }
+            bar.set_length(COMPUTATION);
+            bar.set_position((done * COMPUTATION as f64) as u64);
+        }
+        Happening::Paused => line("paused".into()),
+        Happening::Resumed => line("going on".into()),
+        _ => {}
+    }
+}
+
+/// A bar in per cent for work that has no session.
+pub fn percent(what: &'static str) -> ProgressBar {
+    let bar = ProgressBar::new(100).with_message(what);
+    let style = ProgressStyle::with_template("{bar:30} {pos} % {msg} [{elapsed}]")
+        .unwrap_or_else(|_| ProgressStyle::default_bar());
+    bar.set_style(style);
+    bar
+}
