@@ -13,6 +13,9 @@ use std::time::Duration;
 /// Blue and red chrominance of lamp and tube (nearly neutral), and of the grain (sand).
 const NEUTRAL: [f32; 2] = [127.0, 129.0];
 const SAND: [f32; 2] = [117.0, 136.0];
+/// Noise of a chrominance that the file stores, over that of the luminance: red, green and blue pixels are equally
+/// noisy, and the file stores the mean of four.
+const CHROMA_NOISE: f32 = 0.46;
 
 /// The camera. The same settings, true angle and exposure number give the same bytes.
 pub struct SimulatedCamera {
@@ -34,32 +37,47 @@ impl SimulatedCamera {
         let [left, top] = patch.window.origin;
         let [wide, high] = patch.window.size;
         let mut line = vec![0f32; width];
-        let mut strip = Strip {
-            luma: vec![0; width * rows.len()],
-            chroma: Vec::with_capacity(rows.len()),
-            grey: NEUTRAL.map(|x| x as u8),
-            width,
-        };
-        for (row, out) in rows.zip(strip.luma.chunks_mut(width)) {
+        let mut tint = vec![0f32; width];
+        let mut grains = vec![0f32; width.div_ceil(2)];
+        let plane = || vec![0; width * rows.len()];
+        let mut strip = Strip { luma: plane(), chroma: [plane(), plane()], width };
+        for (i, row) in rows.enumerate() {
+            let here = i * width..(i + 1) * width;
             let down = self.scene.background_down(row);
             for (x, across) in line.iter_mut().zip(self.scene.background_across()) {
                 *x = across * down;
             }
-            let in_patch = (top..top + high).contains(&row);
-            strip.chroma.push(in_patch.then(|| {
+            tint.fill(0.0);
+            if (top..top + high).contains(&row) {
                 let from = (row - top) * wide;
                 line[left..left + wide].copy_from_slice(&patch.level[from..from + wide]);
-                std::array::from_fn(|k| {
-                    let mut chroma = vec![strip.grey[k]; width];
-                    for (c, grain) in chroma[left..].iter_mut().zip(&patch.grain[from..from + wide]) {
-                        *c = (NEUTRAL[k] + grain * (SAND[k] - NEUTRAL[k]) + 0.5) as u8;
-                    }
-                    chroma
-                })
-            }));
-            self.expose(&line, random::bits(noise, row as u64), out);
+                tint[left..left + wide].copy_from_slice(&patch.grain[from..from + wide]);
+            }
+            self.expose(&line, random::bits(noise, row as u64), &mut strip.luma[here.clone()]);
+            for (k, plane) in strip.chroma.iter_mut().enumerate() {
+                // Two rows share their noise, as they share what the file stores.
+                let key = random::bits(noise ^ (k as u64 + 1), row as u64 / 2);
+                self.colour_noise(&line, key, &mut grains);
+                for (x, pixel) in plane[here.clone()].iter_mut().enumerate() {
+                    let level = NEUTRAL[k] + tint[x] * (SAND[k] - NEUTRAL[k]) + grains[x / 2];
+                    *pixel = (level + 0.5) as u8;
+                }
+            }
         }
         strip
+    }
+
+    /// The noise of a chrominance along a row, a value for each two pixels; `key` is the row pair's own.
+    fn colour_noise(&self, line: &[f32], key: u64, out: &mut [f32]) {
+        const DRAWS: usize = (u64::BITS / Normal::BITS) as usize;
+        let per_root = CHROMA_NOISE * self.scene.settings.noise_sd as f32 / 128f32.sqrt();
+        for (n, (levels, values)) in line.chunks(2 * DRAWS).zip(out.chunks_mut(DRAWS)).enumerate() {
+            let mut bits = random::bits(key, n as u64);
+            for (level, value) in levels.iter().step_by(2).zip(values) {
+                *value = per_root * level.max(0.0).sqrt() * self.normal.pick(bits);
+                bits >>= Normal::BITS;
+            }
+        }
     }
 
     /// Adds shot noise to a row and rounds it to grey levels; `key` is the row's own.

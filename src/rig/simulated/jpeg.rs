@@ -14,10 +14,8 @@ pub const STRIP_ROWS: usize = 128;
 pub struct Strip {
     /// Luminance.
     pub luma: Vec<u8>,
-    /// Blue and red chrominance of each row; empty where the row is `grey` throughout.
-    pub chroma: Vec<Option<[Vec<u8>; 2]>>,
-    /// Blue and red chrominance elsewhere.
-    pub grey: [u8; 2],
+    /// Blue and red chrominance.
+    pub chroma: [Vec<u8>; 2],
     /// Width, pixels.
     pub width: usize,
 }
@@ -33,13 +31,9 @@ impl ImageBuffer for &Strip {
         (self.luma.len() / self.width) as u16
     }
     fn fill_buffers(&self, y: u16, buffers: &mut [Vec<u8>; 4]) {
-        let y = usize::from(y);
-        buffers[0].extend_from_slice(&self.luma[y * self.width..(y + 1) * self.width]);
-        for k in 0..2 {
-            match &self.chroma[y] {
-                Some(rows) => buffers[k + 1].extend_from_slice(&rows[k]),
-                None => buffers[k + 1].resize(buffers[k + 1].len() + self.width, self.grey[k]),
-            }
+        let row = usize::from(y) * self.width..(usize::from(y) + 1) * self.width;
+        for (buffer, plane) in buffers.iter_mut().zip([&self.luma, &self.chroma[0], &self.chroma[1]]) {
+            buffer.extend_from_slice(&plane[row.clone()]);
         }
     }
 }
