@@ -1,11 +1,51 @@
-# grainrig: `make demo` and `make test` do everything on a fresh Debian or Ubuntu that has Rust.
-.PHONY: all test check
-all: test
+# grainrig: `make demo` and `make test` do all the set-up on a fresh Debian or Ubuntu that has Rust and Node.
+.PHONY: all demo test run check bench tools clean
+.DEFAULT_GOAL := all
 
-test:
-	cargo test --workspace
+CARGO ?= cargo
+# The drivers that need system libraries are off in a plain `cargo build`, and on here.
+FEATURES := --features gphoto2,v4l
+BIN := target/release/grainrig
+SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
+APT := $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get -qq -o Dpkg::Use-Pty=0
+CHROMIUM = $(firstword $(shell command -v chromium chromium-browser google-chrome 2>/dev/null))
 
+all:
+	$(CARGO) build --release $(FEATURES)
+
+# A grain on the simulated rig: 25 views, hull, mesh, Abaqus input. Each run has a session of its own.
+demo: all
+	$(BIN) capture demo-$$(date +%Y%m%d-%H%M%S)
+	@echo 'Look at it while it happens: `make run`, then open the address that it prints.'
+
+# The monitor on the simulated rig, until Ctrl-C.
+run: all
+	$(BIN) serve
+
+# Everything: units, properties, real data where it is, the real program with faults injected, CalculiX, a browser.
+test: tools
+	$(CARGO) test $(FEATURES)
+	cd web && GRAINRIG_BIN=$(CURDIR)/target/debug/grainrig CHROMIUM=$(CHROMIUM) npm test
+
+# What the tests need beside Rust and Node: CalculiX reads the decks, a browser opens the monitor.
+tools:
+	@command -v ccx >/dev/null || { echo 'installing calculix-ccx'; $(APT) update && $(APT) install -y calculix-ccx; }
+	@[ -n "$(CHROMIUM)" ] || { echo 'installing chromium'; $(APT) update && $(APT) install -y chromium; }
+	@[ web/node_modules/.package-lock.json -nt web/package-lock.json ] || (cd web && npm ci --no-audit --no-fund)
+
+# Style, lints, documentation, licences; known vulnerabilities where the database can be reached.
 check:
-	cargo fmt --check
-	cargo clippy --all-targets -- -D warnings
-	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --document-private-items
+	$(CARGO) fmt --check
+	$(CARGO) clippy --all-targets $(FEATURES) -- -D warnings
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --no-deps --document-private-items $(FEATURES)
+	@command -v cargo-deny >/dev/null || $(CARGO) install --locked cargo-deny
+	$(CARGO) deny check licenses bans sources
+	$(CARGO) deny check advisories || echo 'advisories were not checked: see above'
+
+# Timings as ratios to a yardstick that runs beside them.
+bench:
+	$(CARGO) bench $(FEATURES)
+
+clean:
+	$(CARGO) clean
+	rm -rf web/node_modules
