@@ -11,7 +11,7 @@ pub use devices::{DeviceLine, devices};
 pub use finish::{Finished, RESULT};
 pub use host::{Host, HostError};
 pub use importing::{ImportGeometry, import};
-pub use live::{capture, resume};
+pub use live::{Resumed, capture, resume};
 pub use recorded::{Replayed, reconstruct, replay};
 
 use crate::acquire::AcquireError;
