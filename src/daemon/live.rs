@@ -33,7 +33,15 @@ pub fn capture(
     control: &Control,
     watcher: &Watcher,
 ) -> Result<Finished, DaemonError> {
+    if let Some(folder) = truth {
+        // Before anything moves: a run whose truth has no place to go is not the one that was asked for.
+        std::fs::create_dir_all(folder).map_err(|e| no_truth(folder, e))?;
+    }
     begin(data, name, config)?.run(truth, control, watcher)
+}
+
+fn no_truth(folder: &Path, source: std::io::Error) -> DaemonError {
+    DaemonError::Truth { path: folder.into(), source }
 }
 
 /// A run whose rig is open and whose session exists: nothing but the run itself can fail from here on.
@@ -153,12 +161,11 @@ impl Begun {
                 Outcome::Aborted { .. } => Ok(None),
             }
         });
-        if let (Some(handle), Some(folder)) = (&rig.truth, truth) {
-            std::fs::create_dir_all(folder)
-                .and_then(|()| handle.write_truth(folder))
-                .map_err(|source| DaemonError::Write { path: folder.into(), source })?;
-        }
-        match outcome {
+        let told = match (&rig.truth, truth) {
+            (Some(handle), Some(folder)) => handle.write_truth(folder).map_err(|e| no_truth(folder, e)),
+            _ => Ok(()),
+        };
+        let concluded = match outcome {
             Ok(Some(made)) => conclude(&session, Ok(made), mesh.as_ref()),
             // The journal has the abort already.
             Ok(None) => {
@@ -173,6 +180,8 @@ impl Begun {
             // The acquisition has journalled its own failure.
             Err(error @ DaemonError::Acquire(_)) => Err(error),
             Err(error) => conclude(&session, Err(error), None),
-        }
+        };
+        // The products come first: they are what the run was for.
+        concluded.and_then(|done| told.map(|()| done))
     }
 }

@@ -64,6 +64,14 @@ pub enum DaemonError {
         /// The system's reason.
         source: std::io::Error,
     },
+    /// The simulated rig's truth could not be written.
+    #[error("cannot write the rig's truth to {}: {source}; give a folder that can be written", path.display())]
+    Truth {
+        /// The folder.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
     /// The system gives no thread.
     #[error("the run cannot begin: {source}; close other programs, or raise the limit of processes")]
     Thread {

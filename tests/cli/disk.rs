@@ -62,6 +62,19 @@ fn a_journal_that_cannot_grow_keeps_its_whole_lines() {
 }
 
 #[test]
+fn a_truth_that_has_no_place_to_go_is_refused_before_the_run() {
+    let lab = Lab::new();
+    let to = |folder: &str| lab.run(&["--config", "small.toml", "capture", "a", "--truth", folder]);
+    to("small.toml/truth").fails(1, &["truth to small.toml/truth", "give a folder that can be written"]);
+    assert!(!lab.path("data").exists());
+    // One that can't be written at the end leaves the run as it is.
+    std::fs::create_dir_all(lab.path("truth/truth.json")).unwrap();
+    to("truth").fails(1, &["truth", "give a folder"]);
+    assert_eq!(lab.recording("a").state(), State::Complete);
+    lab.assert_sound("a");
+}
+
+#[test]
 fn an_import_that_does_not_fit_leaves_nothing() {
     let lab = Lab::new();
     lab.photos("photos");
