@@ -93,12 +93,13 @@ impl Config {
     /// # Errors
     /// [`ConfigError`] for a file that can't be read, or has an unknown key or a value of the wrong kind.
     pub fn read(path: &Path) -> Result<Self, ConfigError> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| ConfigError::Read { path: path.into(), source })?;
-        toml::from_str(&text).map_err(|e| ConfigError::Parse {
-            path: path.into(),
-            reason: e.to_string().trim().replace('\n', " "),
-        })
+        let bytes = std::fs::read(path).map_err(|source| ConfigError::Read { path: path.into(), source })?;
+        let parse = |reason| ConfigError::Parse { path: path.into(), reason };
+        let text = String::from_utf8(bytes).map_err(|e| {
+            let readable = &e.as_bytes()[..e.utf8_error().valid_up_to()];
+            parse(format!("line {}: it is not UTF-8 text", readable.split(|b| *b == b'\n').count()))
+        })?;
+        toml::from_str(&text).map_err(|e| parse(explain(&text, &e)))
     }
 
     /// Whether every value makes sense.
@@ -144,6 +145,43 @@ impl Config {
     }
 }
 
+/// Line, its text, what is wrong with it and, for a key that is not known, the one that was meant.
+fn explain(text: &str, error: &toml::de::Error) -> String {
+    let message = error.message().trim().replace('\n', " ");
+    let at = error.span().map_or(0, |s| s.start).min(text.len());
+    let before = text.get(..at).unwrap_or("");
+    let line = before.matches('\n').count();
+    let shown: String = text.lines().nth(line).unwrap_or("").trim().chars().take(80).collect();
+    format!("line {} ({shown}): {message}{}", line + 1, meant(&message))
+}
+
+/// For "unknown field `a`, expected one of `b`, `c`": the nearest of the known ones, where one is near.
+fn meant(message: &str) -> String {
+    let mut names = message.split('`').skip(1).step_by(2);
+    let Some(wrong) = names.next().filter(|_| message.starts_with("unknown ")) else { return String::new() };
+    let nearest = names.map(|known| (edits(wrong, known), known)).min();
+    match nearest {
+        Some((distance, known)) if distance <= 2.max(wrong.len() / 3) => format!("; did you mean `{known}`?"),
+        _ => String::new(),
+    }
+}
+
+/// Letters to insert, remove or change to get from one word to the other (Levenshtein 1966).
+fn edits(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, y) in b.iter().enumerate() {
+            let change = diagonal + usize::from(x != *y);
+            diagonal = row[j + 1];
+            row[j + 1] = change.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}
+
 fn merge(into: &mut serde_json::Value, from: serde_json::Value) {
     use serde_json::Value;
     match (into, from) {
@@ -168,6 +206,8 @@ mod tests {
         let path = dir.path().join("bad.toml");
         std::fs::write(&path, "[plan]\nvews = 25\n").unwrap();
         let text = Config::read(&path).unwrap_err().to_string();
-        assert!(text.contains("vews") && text.contains("views") && text.contains("bad.toml"), "{text}");
+        for part in ["bad.toml", "line 2", "`vews`", "did you mean `views`?"] {
+            assert!(text.contains(part), "{part} is missing: {text}");
+        }
     }
 }

@@ -13,12 +13,13 @@ use std::time::Duration;
 ///    │                   │ └────────────────────────  taken again  next view, or the last
 ///    └───────────────────│─────────────────────────────────────────────────┘ nothing missing
 ///                        ▼
-///                      Paused        between any two of the above, back to where it was
+///                      Paused        between any two of the above but Exposing and Storing, and back
 ///
 ///  any of the above ──abort──▶ Aborted        any of the above ──error──▶ Failed
 /// ```
 ///
-/// Aborted and failed runs keep what is captured; a new run goes on with the missing views, from Idle.
+/// A whole picture is stored before a run pauses or is aborted. Aborted and failed runs keep what is
+/// captured; a new run goes on with the missing views, from Idle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(tag = "phase", rename_all = "snake_case")]
 pub enum Phase {
@@ -134,7 +135,8 @@ impl Control {
         self.lock().0 == Wish::Pause
     }
 
-    pub(super) fn is_aborting(&self) -> bool {
+    /// Whether the run is aborted, or will be before its next step.
+    pub fn is_aborting(&self) -> bool {
         self.lock().0 == Wish::Abort
     }
 

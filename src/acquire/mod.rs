@@ -1,6 +1,6 @@
 //! The acquisition: from a plan to durable pictures.
 //!
-//! [`PlanSettings::check`] makes the plan, [`run`] carries it out on any stage and camera, a [`FrameSink`]
+//! [`PlanSettings::check`] makes the plan, [`run()`] carries it out on any stage and camera, a [`FrameSink`]
 //! keeps what they deliver, a [`Control`] pauses, resumes and aborts.
 
 mod clock;

@@ -96,9 +96,13 @@ struct Run<'a> {
 
 impl Run<'_> {
     /// Before each step: waits while the run is paused; `Some(Aborted)` where it was aborted. Not before
-    /// the first step: what begins the run is its first event.
+    /// the first step: what begins the run is its first event. Not before a picture is stored: until then it
+    /// is only in memory.
     fn checkpoint(&mut self, phase: Phase) -> Result<Option<Phase>, AcquireError> {
-        if phase != Phase::Idle && self.control.is_pausing() {
+        if matches!(phase, Phase::Idle | Phase::Storing { .. }) {
+            return Ok(None);
+        }
+        if self.control.is_pausing() {
             let from = self.clock.now();
             self.sink.event(Happening::Paused)?;
             self.control.enter(Phase::Paused);
@@ -110,7 +114,7 @@ impl Run<'_> {
             let paused = self.clock.now().saturating_sub(from);
             self.began = self.began.map(|t| t + paused);
         }
-        if phase != Phase::Idle && self.control.is_aborting() {
+        if self.control.is_aborting() {
             self.sink.event(Happening::Aborted)?;
             return Ok(Some(Phase::Aborted));
         }

@@ -1,6 +1,7 @@
 //! `grainrig devices`.
 
-use super::{Common, print_json};
+use super::Common;
+use super::output::{print, print_json};
 use crate::daemon;
 use anyhow::Result;
 
@@ -9,8 +10,7 @@ pub(super) fn run(common: &Common) -> Result<()> {
     if common.json {
         return print_json(&devices);
     }
-    for d in devices {
-        println!("{:<7} {:<10} {}", d.role, d.kind, d.name);
-    }
-    Ok(())
+    let lines: Vec<String> =
+        devices.iter().map(|d| format!("{:<7} {:<10} {}\n", d.role, d.kind, d.name)).collect();
+    print(&lines.concat())
 }

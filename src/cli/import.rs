@@ -6,22 +6,14 @@ use super::reconstruct::MeshOptions;
 use super::{Common, usage};
 use crate::daemon::{self, ImportGeometry};
 use crate::pipeline::{LengthUnit, TurntableSettings};
+use crate::session::check_name;
 use crate::session::import::{ImportRequest, Rotation};
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
 /// Options of `import`.
-///
-/// Before a turntable, in steps of 7.2°, telecentric, with one more picture at 180°:
-///
-///   grainrig import photos --pattern 'grain_*.png' --step-deg 7.2 --mm-per-px 0.00437 --closing-view 25
-///
-/// With a camera matrix for each picture:
-///
-///   grainrig import dino --pattern 'dino*.png' --cameras `dinoSR_par.txt`
 #[derive(Debug, Args)]
-#[command(verbatim_doc_comment)]
 pub struct Arguments {
     /// Folder of photographs (JPEG, PNG, TIFF), taken in the order of the numbers in their names.
     folder: PathBuf,
@@ -49,14 +41,14 @@ pub struct Arguments {
     /// Which way the grain turns, seen from above.
     #[arg(long, value_enum, default_value_t = Sense::Ccw, conflicts_with = "cameras")]
     rotation: Sense,
-    /// Size of a pixel at the rotation axis, mm.
+    /// Size of a pixel at the rotation axis, mm; every length and volume hangs on it, so it has no default.
     #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "cameras")]
     mm_per_px: Option<f64>,
     /// Distance from the lens's centre to the axis, mm; leave it out for a telecentric lens.
     #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "cameras")]
     camera_distance_mm: Option<f64>,
     /// Column of the rotation axis, pixels; measured from the silhouettes where it is not given.
-    #[arg(long, value_name = "PX", conflicts_with = "cameras")]
+    #[arg(long, value_name = "PX", allow_negative_numbers = true, conflicts_with = "cameras")]
     axis_column_px: Option<f64>,
     /// A camera for each picture: a Middlebury `_par.txt`, or CSV with 12 numbers (3×4 matrix, row by row) a line.
     #[arg(long, value_name = "FILE")]
@@ -65,14 +57,15 @@ pub struct Arguments {
     /// turned into mm.
     #[arg(long, value_enum, requires = "cameras", default_value_t = Unit::Mm)]
     camera_unit: Unit,
-    /// A picture of the stage without the grain.
+    /// A picture of the stage without the grain, of the same size.
     #[arg(long, value_name = "FILE")]
     background: Option<PathBuf>,
-    /// Index (from 0) of a view at half a turn, which shows the axis and does not carve.
-    #[arg(long, value_name = "INDEX", conflicts_with = "cameras")]
+    /// Index (from 0) of a picture at half a turn from the first, which shows the axis and does not carve;
+    /// the pictures after it go on from the one before it.
+    #[arg(long, value_name = "INDEX", allow_negative_numbers = true, conflicts_with = "cameras")]
     closing_view: Option<usize>,
-    /// Name of the session; by default the folder's.
-    #[arg(long)]
+    /// Name of the session, 1 to 64 letters, digits, `.`, `_` or `-`; by default the folder's.
+    #[arg(long, value_name = "NAME")]
     name: Option<String>,
     #[command(flatten)]
     mesh: MeshOptions,
@@ -120,7 +113,7 @@ pub(super) fn run(common: &Common, arguments: Arguments) -> Result<()> {
         }
     };
     if let Some(asked) = mesh.settings() {
-        config.mesh = asked;
+        config.mesh = asked.over(&config.mesh);
     }
     let name = match name {
         Some(name) => name,
@@ -128,8 +121,10 @@ pub(super) fn run(common: &Common, arguments: Arguments) -> Result<()> {
             .canonicalize()
             .ok()
             .and_then(|f| f.file_name().map(|n| n.to_string_lossy().into_owned()))
-            .ok_or_else(|| {
-                usage(format!("{}: no such folder; give a folder of photographs", folder.display()))
+            .with_context(|| format!("there is no folder {}; give a folder of photographs", folder.display()))
+            .and_then(|name| match check_name("session name", &name) {
+                Ok(()) => Ok(name),
+                Err(e) => Err(usage(format!("{e}; it is the folder's name, give another with --name"))),
             })?,
     };
     let rotation = match arguments.rotation {

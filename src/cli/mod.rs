@@ -2,19 +2,24 @@
 
 mod capture;
 mod devices;
+mod help;
 mod import;
 mod mesh;
+mod output;
 mod progress;
 mod reconstruct;
 mod serve;
+mod signals;
 mod verify;
 
 use crate::config::{Config, ConfigError};
 use crate::daemon::DaemonError;
-use crate::session::SessionError;
-use anyhow::{Context as _, Result};
+use crate::mesh::MeshError;
+use crate::pipeline::PipelineError;
+use crate::session::{SessionError, Store};
+use anyhow::Result;
 use clap::{Args, Parser, Subcommand};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Turns a stepper, a camera and a sand grain into a numerical grain.
@@ -26,7 +31,8 @@ use std::process::ExitCode;
 ///   grainrig import photos --step-deg 7.2 --mm-per-px 0.0043
 ///   grainrig serve                      the monitor on <http://127.0.0.1:7272/>
 #[derive(Debug, Parser)]
-#[command(name = "grainrig", version, verbatim_doc_comment, arg_required_else_help = true)]
+#[command(name = "grainrig", version, verbatim_doc_comment)]
+#[command(arg_required_else_help = true, after_help = help::ALL)]
 pub struct Cli {
     #[command(flatten)]
     common: Common,
@@ -34,17 +40,20 @@ pub struct Cli {
     command: Command,
 }
 
+const COMMON: &str = "Common options";
+
 /// Options that every command takes.
 #[derive(Debug, Args)]
 struct Common {
-    /// Configuration (TOML); the defaults are the simulated rig's, see `config/`.
-    #[arg(long, global = true, value_name = "FILE")]
+    /// Configuration (TOML) for a new session; without one, the simulated rig. config/simulated.toml shows
+    /// every key with its unit and default.
+    #[arg(long, global = true, value_name = "FILE", help_heading = COMMON)]
     config: Option<PathBuf>,
     /// Folder that holds the sessions.
-    #[arg(long, global = true, value_name = "DIR", default_value = "data")]
+    #[arg(long, global = true, value_name = "DIR", default_value = "data", help_heading = COMMON)]
     data: PathBuf,
     /// Print one result object (JSON) on stdout; progress and logs stay on stderr.
-    #[arg(long, global = true)]
+    #[arg(long, global = true, help_heading = COMMON)]
     json: bool,
 }
 
@@ -54,25 +63,43 @@ impl Common {
         config.check()?;
         Ok(config)
     }
+
+    /// A recorded session keeps the configuration that it was made with: who gives another is told.
+    fn without_config(&self) {
+        if let Some(path) = &self.config {
+            output::say(format!(
+                "note: --config {} is not used: a session keeps the configuration that it was made with",
+                path.display()
+            ));
+        }
+    }
 }
 
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Serve the monitor and the HTTP interface until Ctrl-C.
+    #[command(after_help = help::SERVE)]
     Serve(serve::Arguments),
     /// Capture a grain on the rig: turn, photograph, carve, mesh, write.
+    #[command(after_help = help::CAPTURE)]
     Capture(capture::Arguments),
-    /// Go on with an interrupted session from its journal.
+    /// Go on with an interrupted session: capture the missing views, compute what is not computed.
+    #[command(after_help = help::RESUME)]
     Resume(capture::ResumeArguments),
     /// Run a recorded session again, without the rig: the same way through the program, the same bytes.
+    #[command(after_help = help::REPLAY)]
     Replay(reconstruct::ReplayArguments),
     /// Take in a folder of photographs and reconstruct the object.
+    #[command(after_help = help::IMPORT)]
     Import(import::Arguments),
     /// Compute hull and mesh of a session again, with other settings if wanted.
+    #[command(after_help = help::RECONSTRUCT)]
     Reconstruct(reconstruct::Arguments),
     /// Fill a closed surface (STL) or a session's hull with tetrahedra.
+    #[command(after_help = help::MESH)]
     Mesh(mesh::Arguments),
     /// Check every file of a session against the hashes in its journal.
+    #[command(after_help = help::VERIFY)]
     Verify(verify::Arguments),
     /// Show which devices are there.
     Devices,
@@ -87,8 +114,15 @@ pub fn run() -> ExitCode {
                 .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn")),
         )
         .with_writer(std::io::stderr)
+        // A log that nobody can read any more must not end the job.
+        .log_internal_errors(false)
         .init();
+    signals::survive_file_limit();
     let common = &cli.common;
+    if !matches!(cli.command, Command::Serve(_) | Command::Capture(_) | Command::Import(_) | Command::Devices)
+    {
+        common.without_config();
+    }
     let outcome = match cli.command {
         Command::Serve(a) => serve::run(common, &a),
         Command::Capture(a) => capture::run(common, &a),
@@ -103,10 +137,21 @@ pub fn run() -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error:#}");
+            output::say(format!("error: {}", told(&error)));
             ExitCode::from(if is_usage(&error) { 2 } else { 1 })
         }
     }
+}
+
+/// An error with its causes, each once: most messages hold their cause's words already.
+fn told(error: &anyhow::Error) -> String {
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1).map(ToString::to_string) {
+        if !text.contains(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
 }
 
 /// An error in what was asked, not in what was done: exit code 2.
@@ -116,17 +161,26 @@ struct Usage(String);
 
 /// Whether the command line or the configuration is at fault, rather than what was found or done.
 fn is_usage(error: &anyhow::Error) -> bool {
-    let session = |e: &SessionError| matches!(e, SessionError::Name { .. } | SessionError::Setting { .. });
     error.chain().any(|cause| {
         cause.is::<Usage>()
             || cause.is::<ConfigError>()
-            || cause.downcast_ref::<SessionError>().is_some_and(session)
+            || cause.downcast_ref().is_some_and(session_usage)
+            || cause.downcast_ref().is_some_and(mesh_usage)
             || match cause.downcast_ref::<DaemonError>() {
-                Some(DaemonError::Config(_)) => true,
-                Some(DaemonError::Session(e)) => session(e),
+                Some(DaemonError::Config(_) | DaemonError::Pipeline(PipelineError::Setting { .. })) => true,
+                Some(DaemonError::Session(e)) => session_usage(e),
+                Some(DaemonError::Pipeline(PipelineError::Mesh(e))) => mesh_usage(e),
                 _ => false,
             }
     })
+}
+
+fn session_usage(error: &SessionError) -> bool {
+    matches!(error, SessionError::Name { .. } | SessionError::Setting { .. })
+}
+
+fn mesh_usage(error: &MeshError) -> bool {
+    matches!(error, MeshError::Control { .. } | MeshError::TooMany { .. })
 }
 
 /// Marks an error as one of usage.
@@ -134,18 +188,12 @@ fn usage(error: impl std::fmt::Display) -> anyhow::Error {
     Usage(error.to_string()).into()
 }
 
-/// Prints the one result object on stdout.
-fn print_json(value: &impl serde::Serialize) -> Result<()> {
-    use std::io::Write as _;
-    let text = serde_json::to_string_pretty(value).context("cannot encode the result")?;
-    writeln!(std::io::stdout(), "{text}").context("cannot write to standard output")
-}
-
-/// The folder of a session given by its name in the data folder, or by its path.
-fn session_folder(common: &Common, given: &std::path::Path) -> Result<PathBuf> {
-    if given.join("manifest.json").is_file() {
-        return Ok(given.to_owned());
+/// The folder of a session: a plain name is looked for in the data folder first; anything else is a folder's
+/// path.
+fn session_folder(common: &Common, given: &Path) -> Result<PathBuf> {
+    match Store::new(&common.data).folder(given.to_str().unwrap_or("")) {
+        Ok(folder) if folder.exists() || !given.join("manifest.json").is_file() => Ok(folder),
+        Err(error) if !given.is_dir() => Err(error.into()),
+        _ => Ok(given.to_owned()),
     }
-    let name = given.to_str().unwrap_or("");
-    Ok(crate::session::Store::new(&common.data).folder(name)?)
 }

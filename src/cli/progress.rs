@@ -1,5 +1,6 @@
 //! A progress bar on standard error: what is being done, how far it is, how long it takes.
 
+use super::output::say;
 use crate::daemon::Watcher;
 use crate::session::event::{Event, Happening};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -40,7 +41,7 @@ fn show(bar: &ProgressBar, last_stage: &Mutex<String>, what: &Happening) {
     // Where nobody sees a bar a plain line per view tells the same.
     let line = |text: String| {
         if bar.is_hidden() {
-            eprintln!("{text}");
+            say(text);
         } else {
             bar.set_message(text);
         }
@@ -49,16 +50,26 @@ fn show(bar: &ProgressBar, last_stage: &Mutex<String>, what: &Happening) {
         Happening::Started { views, already_captured, session } => {
             bar.set_length(*views as u64);
             bar.set_position(*already_captured as u64);
-            line(format!("session {session}: {views} views, {already_captured} there already"));
+            line(match already_captured {
+                0 => format!("session {session}: {views} views"),
+                n if n == views => format!("session {session}: all {views} views are there"),
+                n => format!("session {session}: {n} of {views} views are there, going on with the others"),
+            });
         }
         Happening::Captured { view, remaining_s } => {
             bar.inc(1);
-            let left = remaining_s.map_or_else(String::new, |s| format!(", {s:.0} s left"));
-            line(format!("view {} at {:.2}°{left}", view.view, view.reached_deg));
+            let (done, all) = (bar.position(), bar.length().unwrap_or(0));
+            let left = remaining_s
+                .filter(|_| done < all)
+                .map_or_else(String::new, |s| format!(", about {} s left", s.ceil()));
+            line(format!("view {} at {:.2}°: {done} of {all} captured{left}", view.view, view.reached_deg));
         }
         Happening::Silhouette { view, warnings, .. } => {
             for w in warnings {
-                bar.suspend(|| eprintln!("view {view}: {w}"));
+                // An error names its view itself.
+                let named = w.starts_with(&format!("view {view}: "));
+                let text = if named { w.clone() } else { format!("view {view}: {w}") };
+                bar.suspend(|| say(text));
             }
         }
         Happening::Hull { views, volume_mm3: Some(v) } if !bar.is_hidden() => {
@@ -73,7 +84,7 @@ fn show(bar: &ProgressBar, last_stage: &Mutex<String>, what: &Happening) {
             bar.set_length(COMPUTATION);
             bar.set_position((done * COMPUTATION as f64) as u64);
         }
-        Happening::Paused => line("paused".into()),
+        Happening::Paused => line("paused; the monitor resumes or aborts the run".into()),
         Happening::Resumed => line("going on".into()),
         _ => {}
     }

@@ -1,8 +1,9 @@
 //! `grainrig reconstruct` and `grainrig replay`.
 
+use super::Common;
 use super::capture::report;
+use super::output::{print, print_json};
 use super::progress::Progress;
-use super::{Common, print_json};
 use crate::daemon;
 use crate::pipeline::MeshSettings;
 use anyhow::{Result, bail};
@@ -12,14 +13,14 @@ use std::path::PathBuf;
 /// The mesh's three controls on the command line.
 #[derive(Debug, Args)]
 pub struct MeshOptions {
-    /// Largest circumradius of a surface facet, mm.
-    #[arg(long, value_name = "MM")]
+    /// Largest circumradius of a surface facet, mm; by default 0.034 of the grain's equivalent diameter.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     surface_size_mm: Option<f64>,
-    /// Smallest angle of a surface facet, degrees.
-    #[arg(long, value_name = "DEG")]
+    /// Smallest angle of a surface facet, degrees, up to 30; by default 15.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     facet_angle_deg: Option<f64>,
-    /// Largest volume of a tetrahedron, mm³.
-    #[arg(long, value_name = "MM3")]
+    /// Largest volume of a tetrahedron, mm³; by default what fits the surface's size.
+    #[arg(long, value_name = "MM3", allow_negative_numbers = true)]
     tet_volume_mm3: Option<f64>,
 }
 
@@ -38,7 +39,7 @@ impl MeshOptions {
 /// Options of `reconstruct`.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// Session: its name in the data folder, or its folder.
+    /// The session: its name in the data folder, or its folder's path.
     session: PathBuf,
     #[command(flatten)]
     mesh: MeshOptions,
@@ -47,7 +48,7 @@ pub struct Arguments {
 /// Options of `replay`.
 #[derive(Debug, Args)]
 pub struct ReplayArguments {
-    /// Session: its name in the data folder, or its folder.
+    /// The session: its name in the data folder, or its folder's path.
     session: PathBuf,
 }
 
@@ -73,10 +74,7 @@ pub(super) fn replay(common: &Common, arguments: &ReplayArguments) -> Result<()>
         report(common, &done.finished)?;
     }
     if done.differs.is_empty() {
-        if !common.json {
-            println!("replay     every product has the recorded bytes");
-        }
-        return Ok(());
+        return if common.json { Ok(()) } else { print("replay     every product has the recorded bytes\n") };
     }
     bail!(
         "the replay differs from the recorded products in {}; the recording was made by {}",

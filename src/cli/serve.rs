@@ -7,7 +7,7 @@ use crate::server::{
     EventFeed, KEPT_EVENTS, Refusal, RefusalKind, Rig, RunRequest, RunStarted, ServeOptions, check_bind,
     serve,
 };
-use crate::session::event::{Event, Happening};
+use crate::session::event::Event;
 use crate::session::{Recording, SessionError, Summary};
 use anyhow::{Context as _, Result};
 use clap::Args;
@@ -58,10 +58,10 @@ async fn listen(common: &Common, config: Config, address: SocketAddr) -> Result<
     };
     let rig = Arc::new(LocalRig::new(&common.data, config));
     let (open, query) = (listener.local_addr()?, options.token.as_ref().map_or("", |_| "?token=…"));
-    eprintln!(
+    super::output::say(format!(
         "the monitor is at http://{open}/{query} (Ctrl-C ends it); sessions are in {}",
         common.data.display()
-    );
+    ));
     let served = serve(listener, rig.clone(), options, stopped()).await;
     // The run's view in hand is finished; `resume` goes on from there.
     tokio::task::spawn_blocking(move || rig.host.finish()).await.context("cannot end the run")?;
@@ -133,10 +133,6 @@ impl Rig for LocalRig {
     fn session(&self, id: &str) -> Result<Value, Refusal> {
         let recording = self.read(id)?;
         let manifest = recording.manifest();
-        let result = recording.events().iter().rev().find_map(|e| match &e.what {
-            Happening::Complete { result } => Some(result),
-            _ => None,
-        });
         Ok(json!({
             "name": id,
             "created": manifest.created,
@@ -148,7 +144,7 @@ impl Rig for LocalRig {
             "config": manifest.config,
             "frames": recording.views().collect::<Vec<_>>(),
             "products": recording.products().collect::<Vec<_>>(),
-            "result": result,
+            "result": recording.result(),
         }))
     }
 

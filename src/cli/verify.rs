@@ -1,6 +1,7 @@
 //! `grainrig verify`.
 
-use super::{Common, print_json};
+use super::Common;
+use super::output::{print, print_json, say};
 use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
@@ -8,7 +9,7 @@ use std::path::PathBuf;
 /// Options of `verify`.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// Session: its name in the data folder, or its folder.
+    /// The session: its name in the data folder, or its folder's path.
     session: PathBuf,
 }
 
@@ -20,13 +21,21 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     }
     let faults = report.faults.len();
     if faults == 0 {
-        if !common.json {
-            println!("{}: every file has the recorded bytes", folder.display());
+        if common.json {
+            return Ok(());
         }
-        return Ok(());
+        return print(&format!(
+            "{}: every file has the recorded bytes ({} of {} views, {} products, {} journal lines)\n",
+            folder.display(),
+            report.frames,
+            report.planned,
+            report.products,
+            report.records
+        ));
     }
     for fault in &report.faults {
-        eprintln!("{fault}");
+        say(fault);
     }
-    bail!("{faults} faults in {}; restore the named files from a backup", folder.display())
+    let count = if faults == 1 { "1 file is".to_owned() } else { format!("{faults} files are") };
+    bail!("{count} not as recorded in {}; each line above says what to do", folder.display())
 }

@@ -96,6 +96,21 @@ pub(super) fn compare(
     Ok(differs)
 }
 
+/// The whole path of each product, by kind: `inp`, `vtu`, `stl`, `result`.
+pub(super) fn product_paths<'a>(
+    folder: &Path,
+    files: impl IntoIterator<Item = &'a ProductRecord>,
+) -> BTreeMap<String, String> {
+    let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
+    let mut paths = BTreeMap::new();
+    for f in files {
+        let path = folder.join("products").join(&f.file);
+        let kind = if f.file == RESULT { "result" } else { f.file.rsplit('.').next().unwrap_or("") };
+        paths.insert(kind.to_owned(), path.display().to_string());
+    }
+    paths
+}
+
 /// The result as a command prints it: whole paths, this run's timing.
 pub(super) fn finished(
     made: &Reconstruction,
@@ -105,12 +120,7 @@ pub(super) fn finished(
     files: Vec<ProductRecord>,
 ) -> Finished {
     let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
-    let mut paths = BTreeMap::new();
-    for f in &files {
-        let path = folder.join("products").join(&f.file);
-        let kind = if f.file == RESULT { "result" } else { f.file.rsplit('.').next().unwrap_or("") };
-        paths.insert(kind.to_owned(), path.display().to_string());
-    }
+    let paths = product_paths(&folder, &files);
     let timing = serde_json::json!(made.timing_s);
     Finished { result: made.result_file(software, session, paths, timing), folder, files }
 }

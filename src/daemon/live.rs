@@ -1,14 +1,17 @@
 //! Capture on the rig: the stage turns, the session fills, the pipeline computes alongside.
 
 use super::devices;
-use super::finish::Finished;
-use super::recorded::{WAITING_VIEWS, computation, conclude, lock, note, send_recorded};
+use super::finish::{Finished, product_paths};
+use super::recorded::{
+    WAITING_VIEWS, check_views, computation, conclude, lock, made_before, note, send_recorded,
+};
 use super::{DaemonError, Watcher};
 use crate::acquire::{self, Control, Outcome, SessionSink, SystemClock};
 use crate::config::{Config, ConfigError};
 use crate::geometry::Angle;
-use crate::pipeline::{Cameras, View};
-use crate::session::{Manifest, Origin, Session, Store};
+use crate::pipeline::{Cameras, MeshSettings, View};
+use crate::session::replay::replay;
+use crate::session::{Manifest, Origin, Session, State, Store, check_space, required_bytes};
 use std::path::Path;
 use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, Mutex};
@@ -30,13 +33,23 @@ pub fn capture(
     control: &Control,
     watcher: &Watcher,
 ) -> Result<Finished, DaemonError> {
+    if let Some(folder) = truth {
+        // Before anything moves: a run whose truth has no place to go is not the one that was asked for.
+        std::fs::create_dir_all(folder).map_err(|e| no_truth(folder, e))?;
+    }
     begin(data, name, config)?.run(truth, control, watcher)
+}
+
+fn no_truth(folder: &Path, source: std::io::Error) -> DaemonError {
+    DaemonError::Truth { path: folder.into(), source }
 }
 
 /// A run whose rig is open and whose session exists: nothing but the run itself can fail from here on.
 pub(super) struct Begun {
     session: Session,
     rig: devices::Rig,
+    /// The mesh that was asked for otherwise than the frozen configuration says.
+    mesh: Option<MeshSettings>,
 }
 
 /// Opens the rig and makes the session.
@@ -49,21 +62,60 @@ pub(super) fn begin(data: &Path, name: &str, config: &Config) -> Result<Begun, D
     manifest.devices = vec![rig.stage.describe(), rig.camera.describe()];
     manifest.geometry = serde_json::to_value(Cameras::Turntable(config.optics))
         .map_err(|e| DaemonError::Encode(e.to_string()))?;
-    let session = Store::new(data).create(&manifest)?;
-    session.check_space(FRAME_BYTES)?;
-    Ok(Begun { session, rig })
+    let store = Store::new(data);
+    store.folder(name)?;
+    // Before the name is taken: a run that has no room leaves nothing behind.
+    check_space(data, required_bytes(manifest.plan.views.len(), FRAME_BYTES))?;
+    let session = store.create(&manifest)?;
+    Ok(Begun { session, rig, mesh: None })
 }
 
-/// Goes on with an interrupted session: captures the views that its journal lacks.
+/// What became of a session that was to go on.
+#[derive(Debug, Clone)]
+pub enum Resumed {
+    /// It went on to its end.
+    Done(Box<Finished>),
+    /// It is complete: nothing was done.
+    NothingToDo {
+        /// Name of the session.
+        session: String,
+        /// Views captured.
+        views: usize,
+        /// The result as it was when the products were made.
+        result: serde_json::Value,
+    },
+}
+
+/// Goes on with an interrupted session: captures the views that its journal lacks, on the rig, and computes.
+/// Where only the computation is missing or has failed no device is needed.
 ///
 /// # Errors
 /// [`DaemonError`]; what was captured stays in the session.
-pub fn resume(folder: &Path, control: &Control, watcher: &Watcher) -> Result<Finished, DaemonError> {
+pub fn resume(folder: &Path, control: &Control, watcher: &Watcher) -> Result<Resumed, DaemonError> {
     let session = Session::open(folder)?;
-    let (config, _) = computation(session.recording())?;
-    let rig = devices::open(&config)?;
-    session.check_space(FRAME_BYTES)?;
-    Begun { session, rig }.run(None, control, watcher)
+    let recording = session.recording();
+    let manifest = recording.manifest();
+    if let (State::Complete, Some(result)) = (recording.state(), recording.result()) {
+        let (session, views) = (manifest.name.clone(), recording.views().len());
+        let mut result = result.clone();
+        // The session may have been moved since.
+        result["products"] = serde_json::json!(product_paths(folder, recording.products()));
+        return Ok(Resumed::NothingToDo { session, views, result });
+    }
+    let (config, _) = computation(recording)?;
+    let mesh = made_before(recording)?.and_then(|(_, mesh)| mesh);
+    if manifest.origin == Origin::Import {
+        // No rig can take somebody else's photographs again.
+        check_views(recording)?;
+    }
+    let rig = if recording.views().len() < manifest.plan.views.len() {
+        session.check_space(FRAME_BYTES)?;
+        devices::open(&config)?
+    } else {
+        let (stage, camera) = replay(recording.clone());
+        devices::Rig { stage: Box::new(stage), camera: Box::new(camera), truth: None }
+    };
+    Begun { session, rig, mesh }.run(None, control, watcher).map(|done| Resumed::Done(Box::new(done)))
 }
 
 impl Begun {
@@ -74,11 +126,14 @@ impl Begun {
         control: &Control,
         watcher: &Watcher,
     ) -> Result<Finished, DaemonError> {
-        let Self { mut session, mut rig } = self;
+        let Self { mut session, mut rig, mesh } = self;
         let watch = Arc::clone(watcher);
         session.observe(move |e| watch(e));
         let recording = session.recording().clone();
-        let (_, pipeline) = computation(&recording)?;
+        let (_, mut pipeline) = computation(&recording)?;
+        if let Some(mesh) = &mesh {
+            pipeline.settings.mesh = mesh.clone();
+        }
         let plan = &recording.manifest().plan;
         let session = Arc::new(Mutex::new(session));
         let (send, receive) = sync_channel(WAITING_VIEWS);
@@ -106,13 +161,12 @@ impl Begun {
                 Outcome::Aborted { .. } => Ok(None),
             }
         });
-        if let (Some(handle), Some(folder)) = (&rig.truth, truth) {
-            std::fs::create_dir_all(folder)
-                .and_then(|()| handle.write_truth(folder))
-                .map_err(|source| DaemonError::Write { path: folder.into(), source })?;
-        }
-        match outcome {
-            Ok(Some(made)) => conclude(&session, Ok(made), None),
+        let told = match (&rig.truth, truth) {
+            (Some(handle), Some(folder)) => handle.write_truth(folder).map_err(|e| no_truth(folder, e)),
+            _ => Ok(()),
+        };
+        let concluded = match outcome {
+            Ok(Some(made)) => conclude(&session, Ok(made), mesh.as_ref()),
             // The journal has the abort already.
             Ok(None) => {
                 let session = lock(&session);
@@ -126,6 +180,8 @@ impl Begun {
             // The acquisition has journalled its own failure.
             Err(error @ DaemonError::Acquire(_)) => Err(error),
             Err(error) => conclude(&session, Err(error), None),
-        }
+        };
+        // The products come first: they are what the run was for.
+        concluded.and_then(|done| told.map(|()| done))
     }
 }

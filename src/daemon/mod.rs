@@ -11,7 +11,7 @@ pub use devices::{DeviceLine, devices};
 pub use finish::{Finished, RESULT};
 pub use host::{Host, HostError};
 pub use importing::{ImportGeometry, import};
-pub use live::{capture, resume};
+pub use live::{Resumed, capture, resume};
 pub use recorded::{Replayed, reconstruct, replay};
 
 use crate::acquire::AcquireError;
@@ -60,6 +60,14 @@ pub enum DaemonError {
     #[error("cannot write {}: {source}; check the disk's free space, then `grainrig reconstruct`", path.display())]
     Write {
         /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The simulated rig's truth could not be written.
+    #[error("cannot write the rig's truth to {}: {source}; give a folder that can be written", path.display())]
+    Truth {
+        /// The folder.
         path: PathBuf,
         /// The system's reason.
         source: std::io::Error,

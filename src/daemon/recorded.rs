@@ -72,13 +72,42 @@ pub fn reconstruct(
     session.observe(move |e| watch(e));
     let session = Mutex::new(session);
     let recording = lock(&session).recording().clone();
+    check_views(&recording)?;
     let (_, mut pipeline) = computation(&recording)?;
-    if let Some(mesh) = mesh {
+    let mesh = mesh.map(|asked| asked.over(&pipeline.settings.mesh));
+    if let Some(mesh) = &mesh {
         pipeline.settings.mesh = mesh.clone();
         pipeline.settings.check()?;
     }
     let outcome = compute(&recording, &pipeline, &session);
-    conclude(&session, outcome, mesh)
+    conclude(&session, outcome, mesh.as_ref())
+}
+
+/// Whether every view of the plan is there.
+pub(super) fn check_views(recording: &Recording) -> Result<(), DaemonError> {
+    let (got, expected) = (recording.views().len(), recording.manifest().plan.views.len());
+    if got < expected {
+        return Err(PipelineError::MissingViews { got, expected }.into());
+    }
+    Ok(())
+}
+
+/// Timing and mesh of the newest products, where there are any.
+pub(super) fn made_before(
+    recording: &Recording,
+) -> Result<Option<(serde_json::Value, Option<MeshSettings>)>, DaemonError> {
+    let newest = recording.events().iter().rev().find_map(|e| match &e.what {
+        Happening::Products { timing_s, settings, .. } => Some((timing_s, settings)),
+        _ => None,
+    });
+    let Some((timing_s, settings)) = newest else { return Ok(None) };
+    let frozen = |e: serde_json::Error| DaemonError::Frozen {
+        session: recording.manifest().name.clone(),
+        part: "mesh settings",
+        reason: e.to_string(),
+    };
+    let mesh = settings.as_ref().map(|s| serde_json::from_value(s.clone()).map_err(frozen)).transpose()?;
+    Ok(Some((timing_s.clone(), mesh)))
 }
 
 /// Runs the pipeline over the recorded views, journalling what happens.
@@ -152,22 +181,11 @@ pub struct Replayed {
 pub fn replay(folder: &Path, watcher: &Watcher) -> Result<Replayed, DaemonError> {
     let recording = Recording::read(folder)?;
     let plan = Plan { settle_ms: 0, retakes: 0, ..recording.manifest().plan.clone() };
-    if recording.views().len() < plan.views.len() {
-        let (got, expected) = (recording.views().len(), plan.views.len());
-        return Err(PipelineError::MissingViews { got, expected }.into());
-    }
+    check_views(&recording)?;
     let (_, mut pipeline) = computation(&recording)?;
-    let made_before = recording.events().iter().rev().find_map(|e| match &e.what {
-        Happening::Products { timing_s, settings, .. } => Some((timing_s.clone(), settings.clone())),
-        _ => None,
-    });
-    if let Some((_, Some(asked))) = &made_before {
-        let frozen = |e: serde_json::Error| DaemonError::Frozen {
-            session: recording.manifest().name.clone(),
-            part: "mesh settings",
-            reason: e.to_string(),
-        };
-        pipeline.settings.mesh = serde_json::from_value(asked.clone()).map_err(frozen)?;
+    let made_before = made_before(&recording)?;
+    if let Some((_, Some(mesh))) = &made_before {
+        pipeline.settings.mesh = mesh.clone();
     }
     let session = &recording.manifest().name;
     let (send, receive) = sync_channel(WAITING_VIEWS);
@@ -175,7 +193,7 @@ pub fn replay(folder: &Path, watcher: &Watcher) -> Result<Replayed, DaemonError>
     let made = std::thread::scope(|scope| {
         let computing = scope.spawn(|| pipeline.run(receive, &|what| numbered.tell(what)));
         let (mut stage, mut camera) = play(recording.clone());
-        let mut sink = ReplaySink { session, plan: &plan, send, numbered: &numbered };
+        let mut sink = ReplaySink { recording: &recording, send, numbered: &numbered };
         let control = Control::new();
         let ended = acquire::run(&mut stage, &mut camera, &plan, &mut sink, &control, &SystemClock::new());
         drop(sink);
@@ -223,18 +241,17 @@ impl Numbered<'_> {
 
 /// Hands the played pictures to the pipeline: they are durable already.
 struct ReplaySink<'a> {
-    session: &'a str,
-    plan: &'a Plan,
+    recording: &'a Recording,
     send: SyncSender<View>,
     numbered: &'a Numbered<'a>,
 }
 
 impl FrameSink for ReplaySink<'_> {
     fn begin(&mut self) -> Result<Earlier, SessionError> {
-        let views = self.plan.views.len();
+        let manifest = self.recording.manifest();
         self.numbered.tell(Happening::Started {
-            session: self.session.to_owned(),
-            views,
+            session: manifest.name.clone(),
+            views: manifest.plan.views.len(),
             already_captured: 0,
         });
         Ok(Earlier::default())
@@ -245,8 +262,11 @@ impl FrameSink for ReplaySink<'_> {
         view: &PlannedView,
         reached: Angle,
         frame: Frame,
-        _remaining_s: Option<f64>,
+        remaining_s: Option<f64>,
     ) -> Result<(), SessionError> {
+        if let Some(captured) = self.recording.view(view.index) {
+            self.numbered.tell(Happening::Captured { view: captured.clone(), remaining_s });
+        }
         // A pipeline that has failed takes no more; its error is what the replay returns.
         let _ =
             self.send.send(View { index: view.index, role: view.role, angle: reached, bytes: frame.bytes });

@@ -39,6 +39,16 @@ pub struct MeshSettings {
 }
 
 impl MeshSettings {
+    /// These settings, and `base`'s where nothing is set here.
+    #[must_use]
+    pub fn over(&self, base: &Self) -> Self {
+        Self {
+            surface_size_mm: self.surface_size_mm.or(base.surface_size_mm),
+            facet_angle_deg: self.facet_angle_deg.or(base.facet_angle_deg),
+            tet_volume_mm3: self.tet_volume_mm3.or(base.tet_volume_mm3),
+        }
+    }
+
     /// The controls for a body of this equivalent diameter.
     pub fn controls(&self, diameter_mm: f64) -> Controls {
         let base = Controls::for_size(diameter_mm);

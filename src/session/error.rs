@@ -54,7 +54,7 @@ pub enum SessionError {
         free: u64,
     },
     /// The operating system refused.
-    #[error("cannot {action} {}: {source}; check that the folder exists and that this account may write it", path.display())]
+    #[error("cannot {action} {}: {source}; {}", path.display(), remedy(source))]
     Io {
         /// What was tried.
         action: &'static str,
@@ -213,6 +213,21 @@ impl SessionError {
             },
             _ => Self::Io { action, path: path.to_owned(), source },
         }
+    }
+}
+
+/// What to do about the system's refusal.
+fn remedy(reason: &std::io::Error) -> &'static str {
+    use std::io::ErrorKind;
+    match reason.kind() {
+        ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::IsADirectory => {
+            "check the path and that it is there"
+        }
+        ErrorKind::PermissionDenied => "give this account the right to read and write it",
+        ErrorKind::ReadOnlyFilesystem => "set a data folder (--data) that can be written",
+        ErrorKind::FileTooLarge => "raise the limit of a file's size (`ulimit -f`)",
+        ErrorKind::InvalidData => "it is no text: check which file it is",
+        _ => "check the disk and its connection",
     }
 }
 

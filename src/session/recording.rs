@@ -170,6 +170,14 @@ impl Recording {
         self.torn_bytes
     }
 
+    /// The newest result, as it was when its products were made.
+    pub fn result(&self) -> Option<&serde_json::Value> {
+        self.events.iter().rev().find_map(|e| match &e.what {
+            Happening::Complete { result } => Some(result),
+            _ => None,
+        })
+    }
+
     /// How far the session has come: what the last event that begins or ends something says.
     pub fn state(&self) -> State {
         let of = |e: &Event| match e.what {

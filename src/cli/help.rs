@@ -1,0 +1,76 @@
+//! What `--help` teaches beside the options: examples, and what to expect.
+
+pub(super) const ALL: &str = "\
+Exit codes: 0 done; 1 it failed, what was captured stays; 2 the command line or the configuration is wrong.
+Logs go to standard error; GRAINRIG_LOG=info (debug, trace) shows more of them.";
+
+pub(super) const SERVE: &str = "\
+Examples:
+  grainrig serve                              the simulated rig on http://127.0.0.1:7272/
+  grainrig serve --listen 127.0.0.1:0         a free port; standard error says which
+  grainrig serve --config lab.toml --data /srv/grains
+
+Beyond this computer (0.0.0.0) a token is required: [serve] token in the configuration.";
+
+pub(super) const CAPTURE: &str = "\
+Examples:
+  grainrig capture quartz-07                  25 views 7.2° apart and one at 180°, as configured by default
+  grainrig capture quartz-08 --views 50       50 views 3.6° apart
+  grainrig capture ball --config lab.toml --json > ball.json
+
+Ctrl-C finishes the view in hand; a second one stops at once. Either way, and after a power failure,
+`grainrig resume NAME` goes on. The session is the folder NAME in the data folder: frames/ has the
+camera's own files, products/ has grain.inp (Abaqus), grain.vtu (ParaView), grain.stl and result.json
+(figures; lengths in mm).";
+
+pub(super) const RESUME: &str = "\
+Examples:
+  grainrig resume quartz-07                   a session of the data folder (--data)
+  grainrig resume /srv/grains/quartz-07       a session's folder
+
+Views that are there are never taken again. Where only the computation is missing or has failed, the
+rig is not needed. A complete session is left as it is.";
+
+pub(super) const REPLAY: &str = "\
+Examples:
+  grainrig replay quartz-07
+  grainrig replay quartz-07 --json            the result, with the products that differ under \"differs\"
+
+The recorded products stay as they are; one that was lost or damaged on the disk is written again.
+Exit code 1 where a product comes out with other bytes than the recorded ones.";
+
+pub(super) const IMPORT: &str = "\
+Examples:
+  before a turntable, 7.2° a step, telecentric, 4.37 µm a pixel, with one more picture at 180°:
+    grainrig import photos --pattern 'grain_*.png' --mm-per-px 0.00437 --closing-view 25
+  clockwise in steps of 10°, through a lens 250 mm away:
+    grainrig import photos --step-deg 10 --rotation cw --mm-per-px 0.02 --camera-distance-mm 250
+  with a camera matrix for each picture:
+    grainrig import dino --pattern 'dino*.png' --cameras dinoSR_par.txt
+
+Pictures are taken in the order of the numbers in their names, at least 2 of one size. They are copied,
+byte for byte; nothing is left of the session where one of them cannot be used.";
+
+pub(super) const RECONSTRUCT: &str = "\
+Examples:
+  grainrig reconstruct quartz-07                          as the session was configured
+  grainrig reconstruct quartz-07 --surface-size-mm 0.02   a finer surface; the other controls stay
+
+By default the mesh has about 50 000 tetrahedra, whatever the grain's size. `replay` repeats the newest
+mesh.";
+
+pub(super) const MESH: &str = "\
+Examples:
+  grainrig mesh grain.stl                                 writes grain.inp here
+  grainrig mesh grain.stl --out grain.vtu fine.inp --surface-size-mm 0.02 --facet-angle-deg 20
+  grainrig mesh quartz-07 --out quartz-07.inp             computes the session's mesh and copies it here
+
+A surface must be closed and is taken as mm. By default the mesh has about 50 000 tetrahedra.";
+
+pub(super) const VERIFY: &str = "\
+Examples:
+  grainrig verify quartz-07
+  grainrig verify /srv/grains/quartz-07 --json
+
+Reads everything, changes nothing. Each file that is missing, changed or unknown is named with what to
+do; exit code 1 where there is one.";

@@ -1,0 +1,26 @@
+//! What a person or a program reads: a reader that has gone away ends no job.
+
+use anyhow::{Context as _, Result};
+use std::fmt::Display;
+use std::io::{ErrorKind, Write as _};
+
+/// Prints on standard output. A closed pipe (`| head -1`) is no error: what was computed is on the disk.
+pub(super) fn print(text: &str) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(()),
+        other => other.context("cannot write to standard output; check where it leads to"),
+    }
+}
+
+/// Prints the one result object on standard output.
+pub(super) fn print_json(value: &impl serde::Serialize) -> Result<()> {
+    let mut text = serde_json::to_string_pretty(value).context("cannot encode the result")?;
+    text.push('\n');
+    print(&text)
+}
+
+/// Says a line on standard error; where nobody can read it the job goes on all the same.
+pub(super) fn say(line: impl Display) {
+    let _ = writeln!(std::io::stderr(), "{line}");
+}

@@ -1,0 +1,63 @@
+//! What the system tells the program while it works.
+
+use super::output::say;
+use crate::acquire::{Control, Phase};
+use std::sync::mpsc::{SyncSender, sync_channel};
+use tokio::runtime::{Builder, Runtime};
+use tokio::signal::unix::{SignalKind, signal};
+
+/// Exit code of a run that was stopped at once.
+const STOPPED: i32 = 1;
+
+fn runtime() -> std::io::Result<Runtime> {
+    Builder::new_current_thread().enable_io().build()
+}
+
+/// Lets a write beyond the limit of a file's size (`ulimit -f`) fail with a reason; by itself the system
+/// would end the program in mid-write, without a word.
+pub(super) fn survive_file_limit() {
+    let kind = SignalKind::from_raw(rustix::process::Signal::XFSZ.as_raw());
+    if let Ok(runtime) = runtime() {
+        let _inside = runtime.enter();
+        // The handler stays for as long as the program runs. Where the system gives none, nothing is worse.
+        drop(signal(kind));
+    }
+}
+
+/// A control that Ctrl-C, or the system's wish to end the program, aborts: the view in hand is finished, what
+/// was captured stays. The second time, or where only the computation is left, the program ends at once:
+/// everything durable is whole.
+pub(super) fn stoppable() -> Control {
+    let control = Control::new();
+    let on_signal = control.clone();
+    let (listening, listens) = sync_channel(1);
+    std::thread::spawn(move || {
+        if let Ok(runtime) = runtime() {
+            // Where the system gives no handlers, Ctrl-C ends the program as ever, and `resume` goes on.
+            let _ = runtime.block_on(stop(&on_signal, listening));
+        }
+    });
+    // Nothing begins before somebody listens, or can't: then the sender is gone.
+    let _: Result<(), _> = listens.recv();
+    control
+}
+
+async fn stop(control: &Control, listening: SyncSender<()>) -> std::io::Result<()> {
+    let mut interrupt = signal(SignalKind::interrupt())?;
+    let mut terminate = signal(SignalKind::terminate())?;
+    let mut hangup = signal(SignalKind::hangup())?;
+    drop(listening);
+    loop {
+        tokio::select! { _ = interrupt.recv() => {}, _ = terminate.recv() => {}, _ = hangup.recv() => {} }
+        if control.phase() == Phase::Complete {
+            say("stopped; all views are captured, `grainrig resume` computes the rest");
+            std::process::exit(STOPPED);
+        }
+        if control.is_aborting() {
+            say("stopped at once; `grainrig resume` goes on with the missing views");
+            std::process::exit(STOPPED);
+        }
+        say("stopping after the view in hand (once more: at once); `grainrig resume` goes on from there");
+        control.abort();
+    }
+}
