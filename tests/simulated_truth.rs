@@ -1,11 +1,12 @@
 //! The whole way on the simulated rig, held against the truth that only a simulation knows.
 
-mod common;
+mod kit;
 
-use common::{capture, number};
 use grainrig::geometry::{Angle, Point, Projection};
 use grainrig::rig::simulated::{Coverage, Truth, TruthHandle, open};
-use grainrig::session::{Recording, event::Role};
+use grainrig::session::event::Role;
+use kit::Lab;
+use serde_json::Value;
 
 /// The volume of what all true silhouettes share, by nothing but a loop over the corners' midpoints: cells whose
 /// middle is covered by half a pixel or more in every view.
@@ -42,6 +43,10 @@ fn hull_by_counting(views: &[(Projection, Coverage)], low: Point, high: Point, e
     count as f64 * edge_mm.powi(3)
 }
 
+fn number(value: &Value, pointer: &str) -> f64 {
+    value.pointer(pointer).and_then(Value::as_f64).unwrap_or_else(|| panic!("no number at {pointer}"))
+}
+
 /// What the true cameras see of the true grain, in the order of the exposures.
 fn true_views(truth: &Truth, handle: &TruthHandle) -> Vec<(Projection, Coverage)> {
     let see = |e: &grainrig::rig::simulated::Exposure| {
@@ -54,23 +59,24 @@ fn true_views(truth: &Truth, handle: &TruthHandle) -> Vec<(Projection, Coverage)
 /// Captures with a configuration and compares silhouettes and hull with the truth; the greatest relative errors of
 /// a silhouette's area and of the hull's volume.
 fn errors(config: &str) -> (f64, f64) {
-    let run = capture(config, &[]);
-    let truth: Truth = serde_json::from_slice(&std::fs::read(run.truth.join("truth.json")).unwrap()).unwrap();
+    let lab = Lab::new();
+    lab.write("rig.toml", config);
+    let arguments = ["--config", "rig.toml", "--json", "capture", "grain", "--truth", "truth"];
+    let result = lab.run(&arguments).succeeds().json();
+    let truth: Truth = serde_json::from_slice(&kit::read(&lab.path("truth/truth.json"))).unwrap();
     let (_, _, handle) = open(&truth.settings).unwrap();
-    let recording = Recording::read(&run.session).unwrap();
     let mut views = true_views(&truth, &handle);
     let (mut worst_area, mut mean) = (0_f64, 0.0);
-    for detail in run.result["view_details"].as_array().unwrap() {
+    for detail in result["view_details"].as_array().unwrap() {
         let index = detail["index"].as_u64().unwrap() as usize;
         let ratio = number(detail, "/silhouette/area_px") / views[index].1.area_px();
         worst_area = worst_area.max((ratio - 1.0).abs());
         mean += (ratio - 1.0) / views.len() as f64;
     }
-    views.truncate(recording.views().filter(|v| v.role == Role::Grain).count());
+    views.truncate(lab.recording("grain").views().filter(|v| v.role == Role::Grain).count());
     let mesh = handle.truth_mesh();
-    let reach = |f: fn(f64, f64) -> f64, start: f64, k: usize| {
-        mesh.vertices.iter().map(|p| p[k]).fold(start, f)
-    };
+    let reach =
+        |f: fn(f64, f64) -> f64, start: f64, k: usize| mesh.vertices.iter().map(|p| p[k]).fold(start, f);
     let low: Vec<f64> = (0..3).map(|k| reach(f64::min, f64::INFINITY, k) - 0.1).collect();
     let high: Vec<f64> = (0..3).map(|k| reach(f64::max, f64::NEG_INFINITY, k) + 0.1).collect();
     let true_hull = hull_by_counting(
@@ -79,7 +85,7 @@ fn errors(config: &str) -> (f64, f64) {
         Point::new(high[0], high[1], high[2]),
         truth.camera.mm_per_px,
     );
-    let volume = number(&run.result, "/hull/volume_mm3");
+    let volume = number(&result, "/hull/volume_mm3");
     println!(
         "silhouettes' areas within {:.3} % of the truth ({:+.3} % in the mean); hull {volume:.5} mm³, of the true silhouettes \
          {true_hull:.5} mm³ ({:+.3} %); grain {:.5} mm³",
@@ -108,7 +114,10 @@ fn so_has_a_grain_in_another_light_before_another_lens() {
         ("seed 2", "seed = 2\n"),
         ("seed 3", "seed = 3\n"),
         ("seed 4", "seed = 4\n"),
-        ("a perfect rig", "wobble_px = 0.0\nstep_error = 0.0\nroll_deg = 0.0\nblur_px = 0.3\nnoise_sd = 0.2\n"),
+        (
+            "a perfect rig",
+            "wobble_px = 0.0\nstep_error = 0.0\nroll_deg = 0.0\nblur_px = 0.3\nnoise_sd = 0.2\n",
+        ),
         ("before a dark background", "bright_background = false\n"),
         ("out of focus", "blur_px = 3.0\n"),
         ("noise", "noise_sd = 6.0\n"),
@@ -119,7 +128,9 @@ fn so_has_a_grain_in_another_light_before_another_lens() {
     ] {
         print!("{what}: ");
         let (area, hull) = errors(&format!("{SMALL}{more}"));
-        if !(area < 0.005 && hull < 0.005) { println!("   XXX"); }
+        if !(area < 0.005 && hull < 0.005) {
+            println!("   XXX");
+        }
     }
 }
 
@@ -129,8 +140,12 @@ fn sphere_ratio(views: u32) -> f64 {
     let config = "[plan]\nsettle_ms = 0\n[optics]\nmm_per_px = 0.005\n[hull]\nvoxel_mm = 0.005\n\
                   [simulated]\nwidth = 640\nheight = 560\nmm_per_px = 0.005\nsphere_diameter_mm = 1.0\n\
                   embedded_mm = 0.0\n";
-    let run = capture(config, &["--views", &views.to_string()]);
-    std::f64::consts::FRAC_PI_6 / number(&run.result, "/hull/voxel_volume_mm3")
+    let lab = Lab::new();
+    lab.write("rig.toml", config);
+    let views = views.to_string();
+    let arguments = ["--config", "rig.toml", "--json", "capture", "ball", "--views", &views];
+    let result = lab.run(&arguments).succeeds().json();
+    std::f64::consts::FRAC_PI_6 / number(&result, "/hull/voxel_volume_mm3")
 }
 
 #[test]
