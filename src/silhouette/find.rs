@@ -8,7 +8,7 @@ use super::plane::Plane;
 use super::report::{PedestalSeen, Report, Side};
 use super::search::{Scene, search};
 use super::{Classes, Holes, PedestalMode, Picture, Polarity, Settings, Silhouette, SilhouetteError};
-use super::{despeckle, distance, holes, outline};
+use super::{despeckle, distance, holes, outline, pieces};
 
 /// A threshold this many standard deviations above the background is clear of its noise.
 const CLEAR_SIGMAS: f64 = 6.0;
@@ -16,6 +16,10 @@ const CLEAR_SIGMAS: f64 = 6.0;
 const LEAST_THRESHOLD: f64 = 4.0;
 /// Distances are given at least this far around the outline, pixels, and at least this share of its size.
 const MARGIN: (usize, f64) = (12, 0.06);
+/// The outline is placed again about itself when it moved by this share of the band on average …
+const FAR: f64 = 0.5;
+/// … but no more often than this.
+const MOST_ROUNDS: usize = 6;
 /// A contrast below this many standard deviations of the noise is worth a warning.
 const WEAK_CONTRAST: f64 = 12.0;
 /// A separability below this is worth a warning.
@@ -69,6 +73,7 @@ pub fn find(
 /// The pixel-accurate state of affairs in the region.
 struct Seen {
     plane: Plane,
+    smooth: Vec<i16>,
     noise: f64,
     threshold_two: f64,
     thresholds_three: [f64; 2],
@@ -108,17 +113,21 @@ fn look(
     let low = three.map_or(two.threshold, |t| t.thresholds[0]);
     let threshold = match settings.classes {
         Classes::Three => low,
-        Classes::Auto if low >= clear => low.min(two.threshold),
-        Classes::Two | Classes::Auto => two.threshold,
+        Classes::Auto => histogram.quiet(clear, two.threshold).map_or(two.threshold, |q| q.threshold),
+        Classes::Two => two.threshold,
     };
-    let mut occupied = Mask { width: plane.width, height: plane.height, bits: plane.above(threshold) };
+    let smooth = plane.smoothed();
+    let limit = (threshold * f64::from(super::plane::PER_LEVEL)).clamp(-32_000.0, 32_000.0) as i16;
+    let bits = smooth.iter().map(|&v| u8::from(v > limit)).collect();
+    let mut occupied = Mask { width: plane.width, height: plane.height, bits };
     let stands = settings.pedestal == PedestalMode::Auto && plane.rect.y1 == frame.y1;
     let pedestal = if stands { pedestal::find(&occupied, &plane, noise) } else { None };
     let mut grain = occupied.clone();
     if let Some(pedestal) = &pedestal {
         clear_below(&mut grain, pedestal);
     }
-    grain = grain.largest();
+    let apart = grain;
+    let mut grain = apart.largest();
     let area = grain.area();
     if (area as f64) < settings.min_area_px {
         return Err(SilhouetteError::TooSmall { area_px: area as f64, limit_px: settings.min_area_px });
@@ -132,6 +141,8 @@ fn look(
         Holes::Background => true,
     };
     let holes_open = holes::fill(&mut grain, &plane, open.then_some(&gap));
+    let clear = (clear * f64::from(super::plane::PER_LEVEL)) as i16;
+    pieces::join(&mut grain, &apart, |k| smooth[k] > clear);
     occupied.bits.iter_mut().zip(&grain.bits).for_each(|(o, g)| *o |= g);
     let (w, h) = (grain.width, grain.height);
     let reaches = [
@@ -142,6 +153,7 @@ fn look(
     ];
     Ok(Seen {
         plane,
+        smooth,
         noise,
         threshold_two: two.threshold,
         thresholds_three: three.map_or([two.threshold; 2], |t| t.thresholds),
@@ -192,16 +204,28 @@ fn finish(
         let reach = outline::BAND as f64;
         pedestal.is_some_and(|p| p.below_top(x as f64, y as f64).is_some_and(|d| d > -reach))
     };
-    let mut field = outline::place(
-        plane,
-        &Parts {
-            body: &body,
-            occupied,
-            excluded: &excluded,
-            threshold: seen.threshold,
-            least_level: 4.0 * seen.noise,
-        },
-    );
+    let mut field;
+    let mut rounds = 0;
+    loop {
+        field = outline::place(
+            plane,
+            &Parts {
+                smooth: &seen.smooth,
+                body: &body,
+                occupied,
+                excluded: &excluded,
+                threshold: seen.threshold,
+                least_level: 4.0 * seen.noise,
+            },
+        );
+        rounds += 1;
+        let placed = field.inside();
+        // Far out of focus, the place half-way is beyond the band about the first mask.
+        if rounds == MOST_ROUNDS || body.mean_shift(&placed) <= FAR * outline::BAND as f64 {
+            break;
+        }
+        body = placed;
+    }
     if let Some(pedestal) = pedestal {
         field.cut(|x, y| pedestal.below_top(x, y));
     }

@@ -35,7 +35,7 @@ impl Rect {
 const SAMPLES: usize = 256;
 /// A frame is no wider than this share of the picture.
 const WIDEST: f64 = 0.1;
-/// Grey levels that the lines of a frame may differ from each other, and vary along their length.
+/// Grey levels that a line of a frame may differ from the next one, and vary along its length.
 const FLAT: f64 = 8.0;
 /// Grey levels that the picture stands off its frame …
 const STEP: f64 = 20.0;
@@ -79,12 +79,22 @@ fn band(lines: usize, length: usize, grey: impl Fn(usize, usize) -> f64 + Sync) 
     let step = (length / SAMPLES).max(1);
     let values = |line: usize| (0..length).step_by(step).map(|along| grey(line, along)).collect::<Vec<_>>();
     let mean = |line: &[f64]| line.iter().sum::<f64>() / line.len() as f64;
-    let level = mean(&values(0));
+    // The mean of a line that is flat along its length.
     let flat = |line: usize| {
         let line = values(line);
-        line.iter().map(|v| (v - level).powi(2)).sum::<f64>() / line.len() as f64 <= FLAT * FLAT
+        let level = mean(&line);
+        let spread = line.iter().map(|v| (v - level).powi(2)).sum::<f64>() / line.len() as f64;
+        (spread <= FLAT * FLAT).then_some(level)
     };
-    let count = (0..most).take_while(|&line| flat(line)).count();
+    let (mut count, mut level) = (0, None);
+    while count < most
+        && let Some(next) = flat(count)
+        && level.is_none_or(|last: f64| (next - last).abs() <= FLAT)
+    {
+        level = Some(next);
+        count += 1;
+    }
+    let level = level.unwrap_or_default();
     if count == 0 || count == most || count + SMEAR >= lines {
         return 0;
     }

@@ -51,6 +51,29 @@ impl Mask {
         self.bits.iter().map(|&b| usize::from(b)).sum()
     }
 
+    /// How far the edge of this mask is from another's on average, pixels: the pixels that differ, for each
+    /// pixel along the edge.
+    pub(super) fn mean_shift(&self, other: &Self) -> f64 {
+        let differ = self.bits.iter().zip(&other.bits).filter(|(a, b)| a != b).count();
+        let edge =
+            self.bits.chunks_exact(self.width).map(|row| row.windows(2).filter(|p| p[0] != p[1]).count());
+        let sides = edge.sum::<usize>();
+        let ends = (self.bits.iter().zip(&self.bits[self.width..])).filter(|(a, b)| a != b).count();
+        // A circle has 4/π times as many pixel sides as its length.
+        differ as f64 / (0.785 * (sides + ends) as f64).max(1.0)
+    }
+
+    /// Columns and rows that hold a set pixel.
+    pub(super) fn extents(&self) -> (usize, usize) {
+        let mut columns = vec![0u8; self.width];
+        let mut rows = 0;
+        for row in self.bits.chunks_exact(self.width) {
+            columns.iter_mut().zip(row).for_each(|(c, b)| *c |= b);
+            rows += usize::from(row.contains(&1));
+        }
+        (columns.iter().map(|&c| usize::from(c)).sum(), rows)
+    }
+
     pub(super) fn complement(&self) -> Self {
         Self { bits: self.bits.iter().map(|b| 1 - b).collect(), ..*self }
     }
@@ -154,6 +177,11 @@ impl Mask {
             }
         });
         out
+    }
+
+    /// With the gaps filled that no square of half width `radius` fits into; nothing is taken away.
+    pub(super) fn closed(&self, radius: usize) -> Self {
+        self.dilated(radius).eroded(radius)
     }
 
     /// Pixels whose square of half width `radius` holds a set one.

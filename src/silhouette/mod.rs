@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! picture ─▶ frame ─▶ reduced ─▶ backdrop, channel, polarity, region ─▶ plane (full resolution, region only)
-//!                                                                         │
-//!     silhouette ◀── distance ◀── outline ◀── pedestal, holes ◀── Otsu ◀──┘
+//!                                                                              │
+//!     silhouette ◀── distance ◀── outline ◀── pedestal, holes ◀── threshold ◀──┘
 //! ```
 //!
 //! A mask that is one pixel too large everywhere costs 1.2 % of a grain's volume, so the outline is placed
@@ -23,7 +23,9 @@ mod otsu;
 mod outline;
 mod pedestal;
 mod picture;
+mod pieces;
 mod plane;
+mod quiet;
 mod reduced;
 mod report;
 mod search;

@@ -4,9 +4,9 @@
 /// A histogram of equal bins.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Histogram {
-    first: f64,
-    width: f64,
-    counts: Vec<u64>,
+    pub(super) first: f64,
+    pub(super) width: f64,
+    pub(super) counts: Vec<u64>,
 }
 
 /// The best split into two classes.
@@ -64,7 +64,7 @@ impl Histogram {
     }
 
     /// Value at the upper end of a bin.
-    fn end(&self, bin: usize) -> f64 {
+    pub(super) fn end(&self, bin: usize) -> f64 {
         self.first + (bin as f64 + 1.0) * self.width
     }
 

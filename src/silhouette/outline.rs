@@ -10,8 +10,11 @@ use rayon::prelude::*;
 
 /// Pixels on both sides of the mask's edge within which the outline is placed.
 pub(super) const BAND: usize = 3;
-/// Half the side of the window over which grain and background are averaged, pixels.
+/// Half the side of the window in which grain and background are read, pixels.
 const WINDOW: usize = 7;
+/// Pixels of each that are read, the nearest ones: enough against noise, few enough that a lit part does not
+/// set the level of a shaded one beside it.
+const SAMPLES: u32 = 12;
 /// Least number of pixels an average is believed from.
 const LEAST_SAMPLES: u32 = 6;
 /// An island or opening within the band smaller than this, square pixels, is noise.
@@ -27,6 +30,8 @@ pub(super) struct Field {
 
 /// Which pixels belong to what, before the outline is placed between them.
 pub(super) struct Parts<'a> {
+    /// The plane's smoothed values.
+    pub smooth: &'a [i16],
     /// The grain together with what it stands on.
     pub body: &'a Mask,
     /// All that is not background, specks included: no background level is read there.
@@ -45,6 +50,7 @@ pub(super) fn place(plane: &Plane, parts: &Parts) -> Field {
     let inner = parts.body.eroded(BAND);
     let outer = parts.body.dilated(BAND);
     let taken = parts.occupied.dilated(BAND);
+    let rings = rings();
     let mut values = vec![0f32; w * h];
     values.par_chunks_mut(w).enumerate().for_each(|(y, out)| {
         for (x, value) in out.iter_mut().enumerate() {
@@ -53,7 +59,7 @@ pub(super) fn place(plane: &Plane, parts: &Parts) -> Field {
             *value = if inner.bits[k] == outer.bits[k] {
                 if body { -1.0 } else { 1.0 }
             } else {
-                in_band(plane, parts, &inner, &taken, x, y)
+                in_band(plane, parts, &inner, &taken, &rings, [x, y])
             };
         }
     });
@@ -62,33 +68,63 @@ pub(super) fn place(plane: &Plane, parts: &Parts) -> Field {
     field
 }
 
-fn in_band(plane: &Plane, parts: &Parts, inner: &Mask, taken: &Mask, x: usize, y: usize) -> f32 {
+/// Places of equal distance from a pixel, as columns and rows away from it.
+type Ring = Vec<(isize, isize)>;
+
+/// The places of the window, nearest first.
+fn rings() -> Vec<Ring> {
+    let side = WINDOW as isize;
+    let mut by_distance = std::collections::BTreeMap::<isize, Ring>::new();
+    for dy in -side..=side {
+        for dx in -side..=side {
+            by_distance.entry(dx * dx + dy * dy).or_default().push((dx, dy));
+        }
+    }
+    by_distance.into_values().collect()
+}
+
+fn in_band(
+    plane: &Plane,
+    parts: &Parts,
+    inner: &Mask,
+    taken: &Mask,
+    rings: &[Ring],
+    [x, y]: [usize; 2],
+) -> f32 {
     let w = plane.width;
     let (mut inside, mut n_inside, mut outside, mut n_outside) = (0i64, 0u32, 0i64, 0u32);
-    let columns = x.saturating_sub(WINDOW)..(x + WINDOW + 1).min(w);
-    for j in y.saturating_sub(WINDOW)..(y + WINDOW + 1).min(plane.height) {
-        for i in columns.clone() {
+    for ring in rings {
+        // The nearest ones are enough: further along the outline the grain may be lit otherwise.
+        let (seek_inside, seek_outside) = (n_inside < SAMPLES, n_outside < SAMPLES);
+        if !seek_inside && !seek_outside {
+            break;
+        }
+        for &(dx, dy) in ring {
+            let (Some(i), Some(j)) = (x.checked_add_signed(dx), y.checked_add_signed(dy)) else { continue };
+            if i >= w || j >= plane.height {
+                continue;
+            }
             let k = j * w + i;
             let value = i64::from(plane.values[k]);
             if inner.bits[k] != 0 {
-                if !(parts.excluded)(i, j) {
+                if seek_inside && !(parts.excluded)(i, j) {
                     inside += value;
                     n_inside += 1;
                 }
-            } else if taken.bits[k] == 0 {
+            } else if seek_outside && taken.bits[k] == 0 {
                 outside += value;
                 n_outside += 1;
             }
         }
     }
-    let value = smooth(plane, x, y);
+    let value = level(parts.smooth[y * w + x]);
     let background =
         if n_outside >= LEAST_SAMPLES { outside as f32 / n_outside as f32 / PER_LEVEL } else { 0.0 };
     let grain = if n_inside >= LEAST_SAMPLES {
         inside as f32 / n_inside as f32 / PER_LEVEL
     } else {
         // A part thinner than its blur: its brightest ridge stands for it.
-        ridge(plane, x, y)
+        ridge(plane, parts.smooth, x, y)
     };
     let threshold = parts.threshold as f32;
     let contrast = grain - background;
@@ -96,29 +132,21 @@ fn in_band(plane: &Plane, parts: &Parts, inner: &Mask, taken: &Mask, x: usize, y
         // No grain to read beside this pixel: the threshold decides.
         return ((threshold - value) / threshold.max(1.0)).clamp(-1.0, 1.0);
     }
-    let level = (0.5 * (grain + background)).max(parts.least_level as f32);
-    ((level - value) / (0.5 * contrast)).clamp(-1.0, 1.0)
+    let halfway = (0.5 * (grain + background)).max(parts.least_level as f32);
+    ((halfway - value) / (0.5 * contrast)).clamp(-1.0, 1.0)
 }
 
-/// Binomial mean of 3×3 pixels, grey levels: noise goes, and a circle of 200 px shrinks by 0.001 px.
-fn smooth(plane: &Plane, x: usize, y: usize) -> f32 {
-    let (w, h) = (plane.width, plane.height);
-    let rows = [y.saturating_sub(1), y, (y + 1).min(h - 1)];
-    let columns = [x.saturating_sub(1), x, (x + 1).min(w - 1)];
-    let across = |row: usize| {
-        let [a, b, c] = columns.map(|i| i32::from(plane.values[row * w + i]));
-        a + 2 * b + c
-    };
-    let [a, b, c] = rows.map(across);
-    (a + 2 * b + c) as f32 / (16.0 * PER_LEVEL)
+/// Grey levels of a plane's value.
+fn level(value: i16) -> f32 {
+    f32::from(value) / PER_LEVEL
 }
 
 /// Greatest smoothed value near a pixel, grey levels.
-fn ridge(plane: &Plane, x: usize, y: usize) -> f32 {
+fn ridge(plane: &Plane, smooth: &[i16], x: usize, y: usize) -> f32 {
     let mut greatest = f32::NEG_INFINITY;
     for j in y.saturating_sub(2)..(y + 3).min(plane.height) {
         for i in x.saturating_sub(2)..(x + 3).min(plane.width) {
-            greatest = greatest.max(smooth(plane, i, j));
+            greatest = greatest.max(level(smooth[j * plane.width + i]));
         }
     }
     greatest

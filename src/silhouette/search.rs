@@ -22,6 +22,10 @@ const STRONGEST: f64 = 0.001;
 const COMPANION: f64 = 0.05;
 /// Background left around the grain, as a share of the grain's longer side.
 const MARGIN: f64 = 0.25;
+/// Channels whose scores differ by less than this are equally sure.
+const EQUAL: f64 = 0.05;
+/// What a share of the grain that a channel shows weighs against how sure it is.
+const SHOWN: f64 = 2.0;
 /// Greatest share of the picture's ends (not the lower one) that the grain may cover.
 const LARGEST_RING_SHARE: f64 = 0.5;
 
@@ -38,6 +42,8 @@ struct Candidate {
     scene: Scene,
     contrast: f64,
     ring_share: f64,
+    /// Cells taken for grain.
+    cells: usize,
     score: f64,
 }
 
@@ -65,9 +71,17 @@ pub(super) fn search(
     let seen = |c: &Candidate| c.contrast >= needed(c.scene.backdrop.noise);
     let any_seen = candidates.iter().any(seen);
     let least_ring = candidates.iter().map(|c| c.ring_share).fold(f64::INFINITY, f64::min);
+    let fit = |c: &Candidate| seen(c) && c.ring_share <= LARGEST_RING_SHARE;
+    let score = |c: &Candidate| c.score - c.scene.channel.handicap();
+    let best = candidates.iter().filter(|c| fit(c)).map(score).fold(f64::NEG_INFINITY, f64::max);
+    // What one view leaves out is carved for good, what one view has too much the others carve: of channels
+    // that are as good as equally sure, the one that shows the most of the grain is taken.
+    let equal = |c: &Candidate| fit(c) && score(c) >= best - EQUAL;
+    let most = candidates.iter().filter(|c| equal(c)).map(|c| c.cells).max().unwrap_or(0).max(1);
+    let rank = |c: &Candidate| score(c) + SHOWN * c.cells as f64 / most as f64;
     (candidates.into_iter())
-        .filter(|c| seen(c) && c.ring_share <= LARGEST_RING_SHARE)
-        .reduce(|best, c| if c.score > best.score { c } else { best })
+        .filter(equal)
+        .reduce(|best, c| if rank(&c) > rank(&best) { c } else { best })
         .map(|best| best.scene)
         .ok_or(if any_seen {
             SilhouetteError::NoBackground { share: 100.0 * least_ring, limit: 100.0 * LARGEST_RING_SHARE }
@@ -138,7 +152,9 @@ fn judge(
         }
     }
     let split = histogram.otsu2();
-    let (threshold, separability) = split.map_or((f64::INFINITY, 0.0), |s| (s.threshold, s.separability));
+    let otsu = split.map_or(f64::INFINITY, |s| s.threshold);
+    let quiet = histogram.quiet(limit.into(), otsu.max(limit.into()));
+    let (threshold, unsure) = quiet.map_or((otsu, 1.0), |q| (q.threshold, q.unsure));
     let contrast = split.map_or(0.0, |s| s.means[1] - s.means[0]).min(strongest.max(0.0));
     let (mut ring, mut covered) = (0usize, 0usize);
     for (k, v) in off.iter().enumerate() {
@@ -148,8 +164,9 @@ fn judge(
         }
     }
     let ring_share = covered as f64 / ring.max(1) as f64;
-    let score = separability * (1.0 - ring_share) - channel.handicap();
-    Candidate { scene: Scene { channel, bright_grain, backdrop, region }, contrast, ring_share, score }
+    let cells = off.iter().filter(|v| f64::from(**v) > threshold).count();
+    let score = (1.0 - unsure) * (1.0 - ring_share);
+    Candidate { scene: Scene { channel, bright_grain, backdrop, region }, contrast, ring_share, cells, score }
 }
 
 /// Cells of the heaviest object and of those that belong to it.

@@ -11,7 +11,7 @@ pub struct Settings {
     pub channel: Channel,
     /// Whether the background is brighter or darker than the grain in that channel.
     pub polarity: Polarity,
-    /// Into how many classes Otsu's method splits the grey values when the first threshold is sought.
+    /// How the first threshold, which the outline is then placed about, is sought.
     pub classes: Classes,
     /// Whether a pedestal under the grain is looked for and cut off.
     pub pedestal: PedestalMode,
@@ -64,16 +64,17 @@ pub enum Polarity {
     DarkBackground,
 }
 
-/// How many classes the grey values fall into.
+/// How many classes the grey values fall into, for the first threshold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Classes {
-    /// Three where the lowest class is still clear of the background's noise, else two.
+    /// The quietest threshold between the background's noise and Otsu's threshold for two classes: the one that
+    /// the fewest pixels lie near. It keeps the grain's shaded sides and its paler colours.
     #[default]
     Auto,
-    /// Grain and background.
+    /// Otsu's threshold for two: grain and background.
     Two,
-    /// Grain, background, and a third: the pedestal, or the grain's own shadows.
+    /// Otsu's lower threshold for three: grain, background, and the pedestal or the grain's own shadows.
     Three,
 }
 
