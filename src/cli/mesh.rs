@@ -16,55 +16,80 @@ use std::time::Instant;
 /// Options of `mesh`.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// A closed surface (binary or ASCII STL, mm), or a session.
+    /// A closed surface (binary or ASCII STL), or a session.
     input: PathBuf,
     #[command(flatten)]
     mesh: MeshOptions,
+    /// Unit of the STL file's numbers; what is written is in mm.
+    #[arg(long, value_enum, default_value_t = Unit::Mm)]
+    unit: Unit,
     /// Files to write; the ending says what: .inp (Abaqus), .vtu (`ParaView`), .stl. By default NAME.inp here.
     #[arg(long, value_name = "FILE", num_args = 1..)]
     out: Vec<PathBuf>,
 }
 
+/// Units of length; STL files do not say theirs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Unit {
+    /// Micrometres.
+    Um,
+    /// Millimetres.
+    Mm,
+    /// Metres.
+    M,
+}
+
+impl Unit {
+    fn in_mm(self) -> f64 {
+        match self {
+            Self::Um => 1e-3,
+            Self::Mm => 1.0,
+            Self::M => 1e3,
+        }
+    }
+}
+
 pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let input = &arguments.input;
-    if !input.extension().is_some_and(|e| e.eq_ignore_ascii_case("stl")) {
+    if ending(input) != "stl" {
+        if arguments.unit != Unit::Mm || !arguments.out.is_empty() {
+            return Err(usage(format!(
+                "{}: --unit and --out go with an STL file (ending .stl); a session knows its scale and keeps its \
+                 products in its own folder",
+                input.display()
+            )));
+        }
         let folder = super::session_folder(common, input)?;
         let progress = Progress::new();
         let outcome = daemon::reconstruct(&folder, arguments.mesh.settings().as_ref(), &progress.watcher());
         progress.finish();
         return super::capture::report(common, &outcome?);
     }
-    let outputs = if arguments.out.is_empty() {
-        vec![PathBuf::from(input.file_stem().unwrap_or_default()).with_extension("inp")]
-    } else {
-        arguments.out.clone()
-    };
-    for path in &outputs {
-        if !["inp", "vtu", "stl"].contains(&ending(path)) {
-            return Err(usage(format!("{}: the ending must be .inp, .vtu or .stl", path.display())));
-        }
-    }
+    let outputs = outputs(arguments)?;
     let bytes = std::fs::read(input).with_context(|| format!("cannot read {}", input.display()))?;
-    let surface = stl::read(&bytes).with_context(|| input.display().to_string())?;
+    let mut surface = stl::read(&bytes).with_context(|| input.display().to_string())?;
+    surface.vertices.iter_mut().for_each(|p| p.coords *= arguments.unit.in_mm());
     let volume_mm3 = surface.volume_mm3();
     let diameter_mm = (6.0 * volume_mm3 / std::f64::consts::PI).cbrt();
     let solid = Solid::new(surface).with_context(|| input.display().to_string())?;
     let controls = arguments.mesh.settings().unwrap_or_default().controls(diameter_mm);
+    controls.check().map_err(usage)?;
     let bar = super::progress::percent("meshing");
     let start = Instant::now();
-    let made = mesh(&solid, &controls, &mut |done| bar.set_position((done * 100.0) as u64))?;
+    let made = mesh(&solid, &controls, &mut |done| bar.set_position((done * 100.0) as u64))
+        .with_context(|| input.display().to_string())?;
     let seconds = start.elapsed().as_secs_f64();
     bar.finish_and_clear();
     let software = concat!("grainrig ", env!("CARGO_PKG_VERSION"));
     let provenance = [format!("made by {software} from {}", input.display())];
     for path in &outputs {
         let mut out = Vec::new();
-        match ending(path) {
+        match ending(path).as_str() {
             "inp" => inp::write(&made, &provenance, controls.surface_size_mm, &mut out)?,
             "vtu" => vtu::write(&made, &[], &[], &mut out)?,
             _ => stl::write(&made.surface().triangles, &mut out)?,
         }
-        std::fs::write(path, out).with_context(|| format!("cannot write {}", path.display()))?;
+        write_whole(path, &out).with_context(|| format!("cannot write {}", path.display()))?;
     }
     let result = MeshResult::new(&made, &controls, true);
     let box_mm = solid.bounds().size();
@@ -92,6 +117,50 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-fn ending(path: &Path) -> &str {
-    path.extension().and_then(|e| e.to_str()).unwrap_or("")
+/// The files to write: of a known kind, and not the one that is read.
+fn outputs(arguments: &Arguments) -> Result<Vec<PathBuf>> {
+    let input = &arguments.input;
+    let asked = if arguments.out.is_empty() {
+        // Not `with_extension`: of `grain.v2.stl` the name is `grain.v2`.
+        let mut name = input.file_stem().unwrap_or_default().to_owned();
+        name.push(".inp");
+        vec![PathBuf::from(name)]
+    } else {
+        arguments.out.clone()
+    };
+    let read = input.canonicalize().ok();
+    for path in &asked {
+        if !["inp", "vtu", "stl"].contains(&ending(path).as_str()) {
+            return Err(usage(format!("{}: the ending must be .inp, .vtu or .stl", path.display())));
+        }
+        if read.is_some() && path.canonicalize().ok() == read {
+            return Err(usage(format!(
+                "{}: this is the file that is read; give --out another name",
+                path.display()
+            )));
+        }
+    }
+    Ok(asked)
+}
+
+/// A file appears whole or not at all: under a temporary name beside it first.
+fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    use std::io::Write as _;
+    let mut name = std::ffi::OsString::from(".");
+    name.push(path.file_name().unwrap_or_default());
+    name.push(".part");
+    let part = path.with_file_name(name);
+    let written = std::fs::File::create(&part)
+        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
+        .and_then(|()| std::fs::rename(&part, path));
+    if written.is_err() {
+        // What is left of it helps nobody; that it cannot be removed adds nothing to the error.
+        let _ = std::fs::remove_file(&part);
+    }
+    written
+}
+
+/// The ending of a file's name, in small letters.
+fn ending(path: &Path) -> String {
+    path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase()
 }
