@@ -41,26 +41,36 @@ fn cube(n: u32) -> TetMesh {
     TetMesh::new((0..m * m * m).map(place).collect(), tets)
 }
 
-/// Runs a deck whose boundary conditions are `held`; the reaction (N) of the set BOTTOM. `None` without `ccx`.
-fn bottom_reaction(grain: &TetMesh, band_mm: f64, held: &str) -> Option<[f64; 3]> {
-    if Command::new("ccx").arg("-v").output().is_err() {
+/// Whether `ccx` is there; says so where it is not.
+fn has_calculix() -> bool {
+    let there = Command::new("ccx").arg("-v").output().is_ok();
+    if !there {
         println!("skipped: no ccx on the path");
+    }
+    there
+}
+
+/// The reaction (N) of the set BOTTOM under boundary conditions `held`. `None` without `ccx`.
+fn bottom_reaction(grain: &TetMesh, band_mm: f64, held: &str) -> Option<[f64; 3]> {
+    if !has_calculix() {
         return None;
     }
     let folder = tempfile::tempdir().unwrap();
     let file = BufWriter::new(fs::File::create(folder.path().join("grain.inp")).unwrap());
     inp::write(grain, &["tests/calculix.rs".to_owned()], band_mm, file).unwrap();
+    Some(reactions(folder.path(), held, ["BOTTOM"])[0])
+}
+
+/// Runs a deck that includes the folder's `grain.inp`, in one linear static step with boundary conditions `held`;
+/// the reactions (N) of node sets.
+fn reactions<const N: usize>(folder: &Path, held: &str, sets: [&str; N]) -> [[f64; 3]; N] {
+    let prints = sets.map(|set| format!("*NODE PRINT, NSET={set}, TOTALS=ONLY\nRF\n")).concat();
     let deck = format!(
         "*INCLUDE, INPUT=grain.inp\n*MATERIAL, NAME=QUARTZ\n*ELASTIC\n{YOUNG_MPA}, 0.22\n\
          *SOLID SECTION, ELSET=GRAIN, MATERIAL=QUARTZ\n*STEP\n*STATIC\n*BOUNDARY\n{held}\
-         *DLOAD\nGRAIN, P1, 0.\n*NODE PRINT, NSET=BOTTOM, TOTALS=ONLY\nRF\n\
-         *NODE FILE\nU\n*END STEP\n"
+         *DLOAD\nGRAIN, P1, 0.\n{prints}*NODE FILE\nU\n*END STEP\n"
     );
-    fs::write(folder.path().join("deck.inp"), deck).unwrap();
-    Some(run(folder.path()))
-}
-
-fn run(folder: &Path) -> [f64; 3] {
+    fs::write(folder.join("deck.inp"), deck).unwrap();
     let out =
         Command::new("ccx").arg("deck").env("OMP_NUM_THREADS", "1").current_dir(folder).output().unwrap();
     let said = String::from_utf8_lossy(&out.stdout);
@@ -70,9 +80,13 @@ fn run(folder: &Path) -> [f64; 3] {
     );
     assert!(fs::metadata(folder.join("deck.frd")).unwrap().len() > 0);
     let data = fs::read_to_string(folder.join("deck.dat")).unwrap();
-    let numbers: Vec<f64> = data.split_whitespace().filter_map(|w| w.parse().ok()).collect();
-    let total = numbers.last_chunk::<3>();
-    *total.unwrap_or_else(|| panic!("no reaction in {data}"))
+    sets.map(|set| {
+        let header = format!("for set {set} ");
+        let mut lines = data.lines().skip_while(|line| !line.contains(&header)).skip(1);
+        let numbers = lines.find(|line| !line.trim().is_empty()).unwrap_or_default();
+        let numbers: Vec<f64> = numbers.split_whitespace().filter_map(|w| w.parse().ok()).collect();
+        numbers.try_into().unwrap_or_else(|_| panic!("no reaction of {set} in {data}"))
+    })
 }
 
 #[test]
@@ -100,4 +114,36 @@ fn a_meshed_ball_is_compressed_with_a_plausible_force() {
     let punches = YOUNG_MPA / (1.0 - 0.22f64.powi(2)) * cap * 0.001;
     let cylinder = YOUNG_MPA * std::f64::consts::FRAC_PI_4 * 0.001;
     assert!(reaction[2] > 0.5 * punches && reaction[2] < cylinder, "{} {punches} {cylinder}", reaction[2]);
+}
+
+#[test]
+fn what_a_capture_writes_is_compressed_between_its_own_sets() {
+    const APPROACH_MM: f64 = 0.001;
+    if !has_calculix() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    // The default scale in small pictures, and a coarse mesh: a second of CalculiX rather than a minute.
+    let config = "[simulated]\nwidth = 1000\nheight = 760\n\
+                  [plan]\nsettle_ms = 0\n[mesh]\nsurface_size_mm = 0.05\n";
+    fs::write(folder.path().join("small.toml"), config).unwrap();
+    let out = Command::new(env!("CARGO_BIN_EXE_grainrig"))
+        .args(["capture", "grain", "--config", "small.toml", "--json"])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let result: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+    let corner = |which: &str, k: usize| result["hull"]["bounding_box_mm"][which][k].as_f64().unwrap();
+    let size = [0, 1, 2].map(|k| corner("max", k) - corner("min", k));
+
+    let products = folder.path().join("data/grain/products");
+    let held = format!("BOTTOM, 1, 3, 0.\nTOP, 3, 3, -{APPROACH_MM}\n");
+    let [top, bottom] = reactions(&products, &held, ["TOP", "BOTTOM"]);
+    // What pushes down at the top comes out at the bottom, and nothing sideways: the top is free to slide.
+    assert!(bottom[2] > 0.0 && (top[2] + bottom[2]).abs() < 1e-4 * bottom[2], "{top:?} {bottom:?}");
+    assert!(bottom[0].hypot(bottom[1]) < 1e-3 * bottom[2], "{bottom:?}");
+    // Softer than the block that the grain could be cut from, E A δ / L, yet no feather.
+    let block = YOUNG_MPA * size[0] * size[1] * APPROACH_MM / size[2];
+    assert!((0.05..0.8).contains(&(bottom[2] / block)), "{} of {block} N", bottom[2]);
 }

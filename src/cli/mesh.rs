@@ -17,57 +17,81 @@ use std::time::Instant;
 /// Options of `mesh`.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// A closed surface (binary or ASCII STL, mm), or a session.
+    /// A closed surface (binary or ASCII STL), or a session.
     input: PathBuf,
     #[command(flatten)]
     mesh: MeshOptions,
+    /// Unit of the STL file's numbers; what is written is in mm.
+    #[arg(long, value_enum, default_value_t = Unit::Mm)]
+    unit: Unit,
     /// Files to write; the ending says what: .inp (Abaqus), .vtu (`ParaView`), .stl. By default NAME.inp here
     /// for a surface; a session has its products in its own folder.
     #[arg(long, value_name = "FILE", num_args = 1..)]
     out: Vec<PathBuf>,
 }
 
-pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
-    let input = &arguments.input;
-    for path in &arguments.out {
-        if !["inp", "vtu", "stl"].contains(&ending(path)) {
-            return Err(usage(format!("{}: the ending must be .inp, .vtu or .stl", path.display())));
+/// Units of length; STL files do not say theirs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Unit {
+    /// Micrometres.
+    Um,
+    /// Millimetres.
+    Mm,
+    /// Metres.
+    M,
+}
+
+impl Unit {
+    fn in_mm(self) -> f64 {
+        match self {
+            Self::Um => 1e-3,
+            Self::Mm => 1.0,
+            Self::M => 1e3,
         }
     }
-    if !input.extension().is_some_and(|e| e.eq_ignore_ascii_case("stl")) {
+}
+
+pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
+    let input = &arguments.input;
+    let outputs = outputs(arguments)?;
+    if ending(input) != "stl" {
+        if arguments.unit != Unit::Mm {
+            return Err(usage(format!(
+                "{}: --unit goes with an STL file (ending .stl); a session knows its scale",
+                input.display()
+            )));
+        }
         let folder = super::session_folder(common, input)?;
         let progress = Progress::new();
         let outcome = daemon::reconstruct(&folder, arguments.mesh.settings().as_ref(), &progress.watcher());
         progress.finish();
         let done = outcome?;
         for path in &arguments.out {
-            let made = &done.result.products[ending(path)];
+            let made = &done.result.products[&ending(path)];
             write(path, &std::fs::read(made).with_context(|| format!("cannot read {made}"))?)?;
         }
         return super::capture::report(common, &done);
     }
-    let outputs = if arguments.out.is_empty() {
-        vec![PathBuf::from(input.file_stem().unwrap_or_default()).with_extension("inp")]
-    } else {
-        arguments.out.clone()
-    };
     let bytes =
         std::fs::read(input).with_context(|| format!("cannot read {}; check the path", input.display()))?;
-    let surface = stl::read(&bytes).with_context(|| input.display().to_string())?;
+    let mut surface = stl::read(&bytes).with_context(|| input.display().to_string())?;
+    surface.vertices.iter_mut().for_each(|p| p.coords *= arguments.unit.in_mm());
     let volume_mm3 = surface.volume_mm3();
     let diameter_mm = (6.0 * volume_mm3 / std::f64::consts::PI).cbrt();
     let solid = Solid::new(surface).with_context(|| input.display().to_string())?;
     let controls = arguments.mesh.settings().unwrap_or_default().controls(diameter_mm);
+    controls.check().map_err(usage)?;
     let bar = super::progress::percent("meshing");
     let start = Instant::now();
-    let made = mesh(&solid, &controls, &mut |done| bar.set_position((done * 100.0) as u64))?;
+    let made = mesh(&solid, &controls, &mut |done| bar.set_position((done * 100.0) as u64))
+        .with_context(|| input.display().to_string())?;
     let seconds = start.elapsed().as_secs_f64();
     bar.finish_and_clear();
     let software = concat!("grainrig ", env!("CARGO_PKG_VERSION"));
     let provenance = [format!("made by {software} from {}", input.display())];
     for path in &outputs {
         let mut out = Vec::new();
-        match ending(path) {
+        match ending(path).as_str() {
             "inp" => inp::write(&made, &provenance, controls.surface_size_mm, &mut out)?,
             "vtu" => vtu::write(&made, &[], &[], &mut out)?,
             _ => stl::write(&made.surface().triangles, &mut out)?,
@@ -103,18 +127,52 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     print(&(lines.join("\n") + "\n"))
 }
 
-/// Writes a whole file, or leaves what was there.
+/// The files to write: of a known kind, and not the one that is read.
+fn outputs(arguments: &Arguments) -> Result<Vec<PathBuf>> {
+    let input = &arguments.input;
+    let asked = if arguments.out.is_empty() && ending(input) != "stl" {
+        Vec::new()
+    } else if arguments.out.is_empty() {
+        // Not `with_extension`: of `grain.v2.stl` the name is `grain.v2`.
+        let mut name = input.file_stem().unwrap_or_default().to_owned();
+        name.push(".inp");
+        vec![PathBuf::from(name)]
+    } else {
+        arguments.out.clone()
+    };
+    let read = input.canonicalize().ok();
+    for path in &asked {
+        if !["inp", "vtu", "stl"].contains(&ending(path).as_str()) {
+            return Err(usage(format!("{}: the ending must be .inp, .vtu or .stl", path.display())));
+        }
+        if read.is_some() && path.canonicalize().ok() == read {
+            return Err(usage(format!(
+                "{}: this is the file that is read; give --out another name",
+                path.display()
+            )));
+        }
+    }
+    Ok(asked)
+}
+
+/// Writes a file, which appears whole or not at all: under a temporary name beside it first.
 fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    let mut part = path.as_os_str().to_owned();
-    part.push(".part");
-    let written = std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, path));
+    use std::io::Write as _;
+    let mut name = std::ffi::OsString::from(".");
+    name.push(path.file_name().unwrap_or_default());
+    name.push(".part");
+    let part = path.with_file_name(name);
+    let written = std::fs::File::create(&part)
+        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
+        .and_then(|()| std::fs::rename(&part, path));
     written.with_context(|| {
-        // Half a file is of use to nobody; where there is none, there is nothing to remove.
+        // What is left of it helps nobody; that it cannot be removed adds nothing to the error.
         let _ = std::fs::remove_file(&part);
         format!("cannot write {}; check its folder and the disk's free space", path.display())
     })
 }
 
-fn ending(path: &Path) -> &str {
-    path.extension().and_then(|e| e.to_str()).unwrap_or("")
+/// The ending of a file's name, in small letters.
+fn ending(path: &Path) -> String {
+    path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase()
 }

@@ -1,6 +1,6 @@
 //! One view's cone: everything that projects into its silhouette.
 
-use crate::geometry::{Point, Projection};
+use crate::geometry::{Point, Projection, Vector};
 use crate::silhouette::Silhouette;
 use std::sync::Arc;
 
@@ -59,6 +59,30 @@ impl Cone {
     pub fn value_mm(&self, p: &Point) -> f64 {
         let (Some(q), Some(scale)) = (self.projection.project(p), self.scale(p)) else { return BEHIND_MM };
         self.silhouette.signed_distance_px(q) / scale
+    }
+
+    /// Raises each value to the signed distance (mm) at its place where that is greater. The places lie on a line
+    /// along x, `pitch_mm` apart, the first at `first`: before parallel rays the picture moves by the same step.
+    pub(super) fn carve_row(&self, first: &Point, pitch_mm: f64, values: &mut [f32]) {
+        let Some(scale) = self.uniform_px_per_mm else {
+            for (i, value) in values.iter_mut().enumerate() {
+                let p = first + Vector::x() * (i as f64 * pitch_mm);
+                *value = value.max(self.value_mm(&p) as f32);
+            }
+            return;
+        };
+        let m = &self.projection.matrix;
+        let (w, mm_per_px) = (m[(2, 3)], 1.0 / scale);
+        let row = |r: usize| {
+            let at = m[(r, 0)] * first.x + m[(r, 1)] * first.y + m[(r, 2)] * first.z + m[(r, 3)];
+            (at / w, m[(r, 0)] * pitch_mm / w)
+        };
+        let ((u, du), (v, dv)) = (row(0), row(1));
+        for (i, value) in values.iter_mut().enumerate() {
+            let i = i as f64;
+            let d = self.silhouette.signed_distance_px([u + i * du, v + i * dv]) * mm_per_px;
+            *value = value.max(d as f32);
+        }
     }
 
     /// Where the ball of `radius_mm` about `center` lies: sound, not sharp (`Across` may be said too often).

@@ -99,15 +99,9 @@ impl HullGrid {
                         Block::Mixed(values) => values,
                         _ => Box::new([f32::NEG_INFINITY; POINTS]),
                     };
-                    let mut k = 0;
-                    for z in 0..B {
-                        for y in 0..B {
-                            for x in 0..B {
-                                let p = corner + Vector::new(x as f64, y as f64, z as f64) * h;
-                                values[k] = values[k].max(cone.value_mm(&p) as f32);
-                                k += 1;
-                            }
-                        }
+                    for (k, row) in values.chunks_exact_mut(B).enumerate() {
+                        let first = corner + Vector::new(0.0, (k % B) as f64, (k / B) as f64) * h;
+                        cone.carve_row(&first, h, row);
                     }
                     *block = Block::Mixed(values);
                 }

@@ -40,10 +40,10 @@ pub enum MeshError {
         "the body's box measures {0:?} mm; each edge must be positive and finite, so check where the body comes from"
     )]
     Box([f64; 3]),
-    /// No lattice point lies inside.
+    /// No lattice point lies inside, or none that is not on the surface.
     #[error(
-        "no point of a lattice of {spacing_mm:.3e} mm lies inside the body: it is empty or thinner than that; \
-         set surface_size_mm smaller"
+        "nothing of a lattice of {spacing_mm:.3e} mm lies inside the body: it is empty or thinner than that; \
+         set surface_size_mm and tet_volume_mm3 smaller"
     )]
     Empty {
         /// The lattice spacing, mm.
@@ -64,6 +64,9 @@ pub enum MeshError {
     )]
     Fault(#[from] TetFault),
     /// The surface that should bound a solid does not.
-    #[error("the surface does not bound a solid: {0}; close it (fill holes, join vertices) first")]
+    #[error(
+        "the surface does not bound a solid: {0}; close it (fill holes, join vertices) and turn its \
+         triangles outwards first"
+    )]
     Open(#[from] MeshFault),
 }

@@ -1,24 +1,24 @@
 //! Smoothing: nodes move to where their worst tetrahedron or facet gets better.
 //!
-//! A node's score is the worst of its tetrahedra (least sine of a dihedral angle) and of its facets (least sine of
-//! an angle), each over its target; it is negative where a promised size is broken. A move is accepted only if the
+//! A node's score is the worst of its tetrahedra (least sine of a dihedral angle, smallest altitude) and of its facets
+//! (least sine of an angle), each over its target; it is negative where a promised size is broken. A move is accepted only if the
 //! score rises, so no part of the mesh ever gets worse than it was (Freitag and Ollivier-Gooch, Int. J. Numer.
 //! Meth. Engng 40, 1997). Surface nodes move along the surface and are put back onto it. Nodes are coloured so that
 //! two of one colour share no tetrahedron: a colour moves at once, in parallel, with the same result on any number
 //! of threads.
 
-use super::score;
+use super::star::{Star, Targets};
 use super::tetmesh::{boundary, face_nodes};
 use super::{Controls, TetMesh};
 use crate::geometry::{ImplicitBody, Point, Vector};
+use nalgebra::Rotation3;
 use rayon::prelude::*;
 
 /// Passes over all nodes, then over those that are below their target.
-const PASSES: [usize; 2] = [3, 12];
-/// Dihedral angle below which a tetrahedron is worth work, degrees.
-const TARGET_DIHEDRAL_DEG: f64 = 20.0;
-/// The same for facets, above what was promised, degrees.
-const FACET_MARGIN_DEG: f64 = 3.0;
+const PASSES: [usize; 2] = [3, 20];
+/// Score from which a node is left alone in the first passes too: a lattice node far from the surface has 2.0, and no
+/// place is better.
+const GOOD: f64 = 1.4;
 /// Parts of the way to the neighbours' centre, and lengths of trial steps in lattice spacings.
 const TOWARDS_CENTRE: [f64; 3] = [1.0, 0.5, 0.2];
 const STEPS: [f64; 3] = [0.12, 0.04, 0.013];
@@ -45,10 +45,16 @@ pub(super) fn improve(body: &dyn ImplicitBody, controls: &Controls, spacing_mm: 
     let smoother = Smoother::new(body, controls, spacing_mm, &mesh.tets, mesh.nodes.len());
     let colours = smoother.colours();
     for pass in 0..PASSES[0] + PASSES[1] {
-        let only_bad = pass >= PASSES[0];
+        // Other directions in each pass: a node that none of one set helps may be helped by the next.
+        let turn = Rotation3::from_scaled_axis(Vector::new(0.7, 1.1, 0.4) * pass as f64);
+        let directions = DIRECTIONS.map(|d| turn * Vector::from(d));
+        let enough = if pass < PASSES[0] { GOOD } else { 1.0 };
         for colour in &colours {
-            let moves: Vec<Option<Point>> =
-                colour.par_iter().map(|&v| smoother.better_place(&mesh.nodes, v, only_bad)).collect();
+            let moves: Vec<Option<Point>> = (colour.par_iter())
+                .map_init(Star::default, |star, &v| {
+                    smoother.better_place(&mesh.nodes, v, enough, &directions, star)
+                })
+                .collect();
             for (&v, to) in colour.iter().zip(moves) {
                 if let Some(to) = to {
                     mesh.nodes[v as usize] = to;
@@ -89,10 +95,7 @@ impl Around {
 struct Smoother<'a> {
     body: &'a dyn ImplicitBody,
     spacing_mm: f64,
-    largest_radius_mm: f64,
-    largest_volume_mm3: f64,
-    facet_sine: f64,
-    tet_sine: f64,
+    targets: Targets,
     tets: &'a [[u32; 4]],
     facets: Vec<[u32; 3]>,
     tets_of: Around,
@@ -111,10 +114,7 @@ impl<'a> Smoother<'a> {
         Self {
             body,
             spacing_mm,
-            largest_radius_mm: controls.surface_size_mm,
-            largest_volume_mm3: controls.tet_volume_mm3,
-            facet_sine: (controls.facet_angle_deg + FACET_MARGIN_DEG).to_radians().sin(),
-            tet_sine: TARGET_DIHEDRAL_DEG.to_radians().sin(),
+            targets: Targets::new(controls, spacing_mm),
             tets_of: Around::of(tets, nodes),
             facets_of: Around::of(&facets, nodes),
             tets,
@@ -145,61 +145,57 @@ impl<'a> Smoother<'a> {
         colours
     }
 
-    /// The score of node `v` if it were at `at`; the search stops, with some score below, under `floor`.
-    fn score(&self, nodes: &[Point], v: u32, at: Point, floor: f64) -> f64 {
-        let place = |n: u32| if n == v { at } else { nodes[n as usize] };
-        let mut score = f64::INFINITY;
+    /// Gathers what is around node `v`.
+    fn gather(&self, nodes: &[Point], v: u32, star: &mut Star) {
+        star.clear();
+        let place = |n: u32| nodes[n as usize];
         for &f in self.facets_of.get(v) {
-            let (radius, sine) = score::circumradius_and_least_sine(&self.facets[f as usize].map(place));
-            let excess = radius / self.largest_radius_mm;
-            score = score.min(if excess > 1.0 { 1.0 - excess } else { sine / self.facet_sine });
-            // A facet without area has no radius: not a number, which `min` would pass over.
-            if score < floor || radius.is_nan() {
-                return f64::NEG_INFINITY;
-            }
+            let facet = self.facets[f as usize];
+            let k = facet.iter().position(|n| *n == v).unwrap_or(0);
+            star.add_facet(facet.map(place), k);
         }
         for &t in self.tets_of.get(v) {
-            let (volume, sine) = score::volume_and_least_sine(&self.tets[t as usize].map(place));
-            let excess = volume / self.largest_volume_mm3;
-            score = score.min(if excess > 1.0 { 1.0 - excess } else { sine / self.tet_sine });
-            if score < floor || volume.is_nan() || volume <= 0.0 {
-                return f64::NEG_INFINITY;
-            }
+            let tet = self.tets[t as usize];
+            let k = tet.iter().position(|n| *n == v).unwrap_or(0);
+            star.add_tet(tet.map(place), k);
         }
-        score
     }
 
-    /// A better place for node `v`, if one is found.
-    fn better_place(&self, nodes: &[Point], v: u32, only_bad: bool) -> Option<Point> {
+    /// A better place for node `v`, if its score is below `enough` and a better one is found.
+    fn better_place(
+        &self,
+        nodes: &[Point],
+        v: u32,
+        enough: f64,
+        directions: &[Vector],
+        star: &mut Star,
+    ) -> Option<Point> {
+        self.gather(nodes, v, star);
         let from = nodes[v as usize];
-        let now = self.score(nodes, v, from, f64::NEG_INFINITY);
-        if only_bad && now >= 1.0 {
+        let now = star.score(&self.targets, from, f64::NEG_INFINITY);
+        if now >= enough {
             return None;
         }
-        let normal = self.normal(nodes, v);
-        let on_surface = !self.facets_of.get(v).is_empty();
+        let normal = star.normal(from, 1e-12 * self.spacing_mm * self.spacing_mm);
+        let on_surface = star.on_surface();
         let flat = |d: Vector| normal.map_or(d, |n| d - n * d.dot(&n));
-        let centre = self.centre(nodes, v) - from;
+        let centre = star.centre() - from;
         let (mut best, mut best_score) = (from, now);
-        let consider = |to: Point, best: &mut Point, best_score: &mut f64| {
-            let score = self.score(nodes, v, to, *best_score);
-            if score > *best_score {
-                (*best, *best_score) = (to, score);
+        let mut consider = |to: Point, best: &mut Point| {
+            let score = star.score(&self.targets, to, best_score);
+            if score > best_score {
+                (*best, best_score) = (to, score);
             }
         };
         for part in TOWARDS_CENTRE {
-            consider(from + flat(centre) * part, &mut best, &mut best_score);
+            consider(from + flat(centre) * part, &mut best);
         }
         for step in STEPS {
             // Twice from each length: the second time from where the first arrived.
             for _ in 0..2 {
                 let base = best;
-                for d in DIRECTIONS {
-                    consider(
-                        base + flat(Vector::from(d)) * (step * self.spacing_mm),
-                        &mut best,
-                        &mut best_score,
-                    );
+                for d in directions {
+                    consider(base + flat(*d) * (step * self.spacing_mm), &mut best);
                 }
             }
         }
@@ -214,46 +210,12 @@ impl<'a> Smoother<'a> {
         let mut way = best - from;
         for _ in 0..3 {
             let (to, off) = self.onto_surface(from + way, normal);
-            if off <= was_off.max(1e-3 * self.spacing_mm) && self.score(nodes, v, to, now) > now {
+            if off <= was_off.max(1e-3 * self.spacing_mm) && star.score(&self.targets, to, now) > now {
                 return Some(to);
             }
             way *= 0.5;
         }
         None
-    }
-
-    /// The unit normal at a surface node from its facets; `None` inside, or where the facets' normals cancel.
-    fn normal(&self, nodes: &[Point], v: u32) -> Option<Vector> {
-        let sum: Vector = self
-            .facets_of
-            .get(v)
-            .iter()
-            .map(|&f| {
-                let [a, b, c] = self.facets[f as usize].map(|n| nodes[n as usize]);
-                (b - a).cross(&(c - a))
-            })
-            .sum();
-        sum.try_normalize(1e-12 * self.spacing_mm * self.spacing_mm)
-    }
-
-    /// The mean of the neighbours: of those on the surface for a surface node.
-    fn centre(&self, nodes: &[Point], v: u32) -> Point {
-        let (mut sum, mut count) = (Vector::zeros(), 0.0);
-        let mut add = |n: u32| {
-            if n != v {
-                sum += nodes[n as usize].coords;
-                count += 1.0;
-            }
-        };
-        if self.facets_of.get(v).is_empty() {
-            self.tets_of.get(v).iter().for_each(|&t| self.tets[t as usize].into_iter().for_each(&mut add));
-        } else {
-            self.facets_of
-                .get(v)
-                .iter()
-                .for_each(|&f| self.facets[f as usize].into_iter().for_each(&mut add));
-        }
-        (sum / count).into()
     }
 
     /// The place on the surface reached from `p` along the normal by the secant method, and the body's value left

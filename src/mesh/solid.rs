@@ -207,6 +207,17 @@ fn nearest_on_triangle([a, b, c]: &[Point; 3], p: &Point) -> (Feature, Point) {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use std::sync::LazyLock;
+
+    const BALL: crate::geometry::Ball =
+        crate::geometry::Ball { center: Point::new(0.1, 0.0, 0.0), radius_mm: 1.0 };
+    /// A ball's surface from the mesher itself, some hundred triangles.
+    static SOLID: LazyLock<Solid> = LazyLock::new(|| {
+        let controls =
+            crate::mesh::Controls { surface_size_mm: 0.3, facet_angle_deg: 5.0, tet_volume_mm3: 1.0 };
+        let mesh = crate::mesh::mesh(&BALL, &controls, &mut |_| ()).unwrap();
+        Solid::new(mesh.surface().triangles).unwrap()
+    });
 
     fn tetrahedron() -> TriangleMesh {
         TriangleMesh {
@@ -235,18 +246,14 @@ mod tests {
     proptest! {
         #[test]
         fn the_tree_finds_what_looking_at_every_triangle_finds(x in -2.0..2.0f64, y in -2.0..2.0f64, z in -2.0..2.0f64) {
-            // A torus-like ring would need a mesh; a ball's surface from the mesher itself has thousands of triangles.
-            let ball = crate::geometry::Ball { center: Point::new(0.1, 0.0, 0.0), radius_mm: 1.0 };
-            let controls = crate::mesh::Controls { surface_size_mm: 0.3, facet_angle_deg: 5.0, tet_volume_mm3: 1.0 };
-            let mesh = crate::mesh::mesh(&ball, &controls, &mut |_| ()).unwrap();
-            let s = Solid::new(mesh.surface().triangles).unwrap();
+            let s = &*SOLID;
             let p = Point::new(x, y, z);
             let brute = (0..s.surface.triangles.len())
                 .map(|t| (p - nearest_on_triangle(&s.surface.corners(t), &p).1).norm())
                 .fold(f64::INFINITY, f64::min);
             let v = s.value(&p);
             prop_assert!((v.abs() - brute).abs() < 1e-12);
-            prop_assert!((v - ball.value(&p)).abs() < 0.05, "{} {}", v, ball.value(&p));
+            prop_assert!((v - BALL.value(&p)).abs() < 0.05, "{} {}", v, BALL.value(&p));
         }
     }
 }

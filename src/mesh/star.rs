@@ -1,0 +1,214 @@
+//! The tetrahedra and facets around one node, gathered once and scored at many trial places of the node.
+//!
+//! What does not change with the node (the opposite faces and edges) is computed once. A trial that cannot beat the
+//! best so far is refused at its first tetrahedron that is too bad; that one is asked first the next time, because
+//! it is likely to refuse again. The score is a minimum, so the order changes the time only, not a bit of the result.
+
+use super::{Controls, score};
+use crate::geometry::{Point, Vector};
+
+/// Dihedral angle below which a tetrahedron is worth work, degrees.
+const TARGET_DIHEDRAL_DEG: f64 = 25.0;
+/// The same for facets, above what was promised, degrees.
+const FACET_MARGIN_DEG: f64 = 3.0;
+/// The same for the smallest altitude, in lattice spacings; a lattice tetrahedron has 0.707.
+const TARGET_ALTITUDE: f64 = 0.28;
+
+/// What a score is measured against: 1 is good enough to be left alone.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Targets {
+    largest_radius_mm: f64,
+    largest_volume_mm3: f64,
+    facet_sine: f64,
+    tet_sine: f64,
+    altitude_mm: f64,
+}
+
+impl Targets {
+    pub(super) fn new(controls: &Controls, spacing_mm: f64) -> Self {
+        Self {
+            largest_radius_mm: controls.surface_size_mm,
+            largest_volume_mm3: controls.tet_volume_mm3,
+            facet_sine: (controls.facet_angle_deg + FACET_MARGIN_DEG).to_radians().sin(),
+            tet_sine: TARGET_DIHEDRAL_DEG.to_radians().sin(),
+            altitude_mm: TARGET_ALTITUDE * spacing_mm,
+        }
+    }
+}
+
+/// A tetrahedron of the star without its moving node.
+#[derive(Debug, Clone, Copy)]
+struct Spoke {
+    /// The three other nodes: positive volume with the moving node before them.
+    b: Point,
+    c: Point,
+    d: Point,
+    /// Squared lengths of the edges c–d, b–d, b–c.
+    fixed: [f64; 3],
+    /// Squared norm of twice the area vector of b, c, d.
+    base: f64,
+}
+
+/// Everything around a node that its place changes.
+#[derive(Debug, Default)]
+pub(super) struct Star {
+    /// The two other nodes of each facet.
+    facets: Vec<[Point; 2]>,
+    tets: Vec<Spoke>,
+    /// Whether a tetrahedron refused the last trial that was refused, rather than a facet.
+    tets_first: bool,
+}
+
+impl Star {
+    /// Forgets the last node.
+    pub(super) fn clear(&mut self) {
+        self.facets.clear();
+        self.tets.clear();
+        self.tets_first = false;
+    }
+
+    /// Adds a facet by the places of its three nodes, of which `k` is the moving one.
+    pub(super) fn add_facet(&mut self, p: [Point; 3], k: usize) {
+        self.facets.push([p[(k + 1) % 3], p[(k + 2) % 3]]);
+    }
+
+    /// Adds a tetrahedron by the places of its four nodes, of which `k` is the moving one.
+    pub(super) fn add_tet(&mut self, p: [Point; 4], k: usize) {
+        // Even permutations that bring node k to the front.
+        const TURNED: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [1, 0, 2]];
+        let [b, c, d] = TURNED[k].map(|i| p[i]);
+        let fixed = [(d - c).norm_squared(), (d - b).norm_squared(), (c - b).norm_squared()];
+        self.tets.push(Spoke { b, c, d, fixed, base: (c - b).cross(&(d - b)).norm_squared() });
+    }
+
+    /// Whether the node lies on the surface.
+    pub(super) fn on_surface(&self) -> bool {
+        !self.facets.is_empty()
+    }
+
+    /// The unit normal at a surface node at `at`; `None` inside, or where the facets' normals cancel.
+    pub(super) fn normal(&self, at: Point, least: f64) -> Option<Vector> {
+        self.facets.iter().map(|[p, q]| (p - at).cross(&(q - at))).sum::<Vector>().try_normalize(least)
+    }
+
+    /// The mean of the neighbours: of those on the surface for a surface node.
+    pub(super) fn centre(&self) -> Point {
+        let of = |sum: Vector, count: usize| Point::from(sum / count as f64);
+        if self.on_surface() {
+            of(self.facets.iter().flatten().map(|p| p.coords).sum(), 2 * self.facets.len())
+        } else {
+            of(self.tets.iter().map(|s| s.b.coords + s.c.coords + s.d.coords).sum(), 3 * self.tets.len())
+        }
+    }
+
+    /// The score with the node at `at`: the worst of tetrahedra and facets, each over its target, negative where a
+    /// promised size is broken. −∞ where a tetrahedron would be flat or inside out, or the score below `floor`.
+    pub(super) fn score(&mut self, targets: &Targets, at: Point, floor: f64) -> f64 {
+        let (a, b) = if self.tets_first {
+            let tets = self.tets_score(targets, at, floor);
+            if tets == f64::NEG_INFINITY {
+                return tets;
+            }
+            (tets, self.facets_score(targets, at, floor))
+        } else {
+            let facets = self.facets_score(targets, at, floor);
+            if facets == f64::NEG_INFINITY {
+                return facets;
+            }
+            (facets, self.tets_score(targets, at, floor))
+        };
+        a.min(b)
+    }
+
+    fn facets_score(&mut self, targets: &Targets, at: Point, floor: f64) -> f64 {
+        let mut least = f64::INFINITY;
+        for [p, q] in &self.facets {
+            let (radius, sine) = score::circumradius_and_least_sine(&[at, *p, *q]);
+            let excess = radius / targets.largest_radius_mm;
+            least = least.min(if excess > 1.0 { 1.0 - excess } else { sine / targets.facet_sine });
+            // A facet without area has no radius: not a number, which `min` would pass over.
+            if least < floor || radius.is_nan() {
+                self.tets_first = false;
+                return f64::NEG_INFINITY;
+            }
+        }
+        least
+    }
+
+    fn tets_score(&mut self, targets: &Targets, at: Point, floor: f64) -> f64 {
+        let mut least = f64::INFINITY;
+        for i in 0..self.tets.len() {
+            let one = self.tets[i].score(targets, at);
+            least = least.min(one);
+            if least < floor || one == f64::NEG_INFINITY {
+                self.tets.swap(0, i);
+                self.tets_first = true;
+                return f64::NEG_INFINITY;
+            }
+        }
+        least
+    }
+}
+
+impl Spoke {
+    fn score(&self, targets: &Targets, at: Point) -> f64 {
+        let (b, c, d) = (self.b - at, self.c - at, self.d - at);
+        // Twice the area vectors of the faces opposite to b, c, d.
+        let (of_b, of_c, of_d) = (d.cross(&c), b.cross(&d), c.cross(&b));
+        let six_volumes = -of_d.dot(&d);
+        // Flat, inside out, or not a number.
+        if six_volumes.is_nan() || six_volumes <= 0.0 {
+            return f64::NEG_INFINITY;
+        }
+        let excess = six_volumes / (6.0 * targets.largest_volume_mm3);
+        if excess > 1.0 {
+            return 1.0 - excess;
+        }
+        let n = [of_b.norm_squared(), of_c.norm_squared(), of_d.norm_squared()];
+        let [cd, bd, bc] = self.fixed;
+        // sin θ = 3 V l / 2 A₁ A₂ for the faces that meet in the edge of length l.
+        let squares = [
+            b.norm_squared() / (n[1] * n[2]),
+            c.norm_squared() / (n[0] * n[2]),
+            d.norm_squared() / (n[0] * n[1]),
+            cd / (self.base * n[0]),
+            bd / (self.base * n[1]),
+            bc / (self.base * n[2]),
+        ];
+        let least = squares.into_iter().fold(f64::INFINITY, f64::min).sqrt();
+        let largest = n.into_iter().fold(self.base, f64::max).sqrt();
+        six_volumes * (least / targets.tet_sine).min(1.0 / (largest * targets.altitude_mm))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_score_is_the_same_from_every_node_of_a_tetrahedron_and_is_its_least_part() {
+        let p = [[0., 0., 0.], [1., 0.1, 0.], [0.2, 0.9, 0.], [0.1, 0.3, 0.4]].map(Point::from);
+        let controls = Controls { surface_size_mm: 10.0, facet_angle_deg: 15.0, tet_volume_mm3: 10.0 };
+        let targets = Targets::new(&controls, 0.01);
+        let refused = |score: f64| score.is_infinite() && score < 0.0;
+        let (volume, sine) = score::volume_and_least_sine(&p);
+        assert!(volume > 0.0);
+        for k in 0..4 {
+            let mut star = Star::default();
+            star.add_tet(p, k);
+            let s = star.score(&targets, p[k], f64::NEG_INFINITY);
+            assert!((s * targets.tet_sine / sine - 1.0).abs() < 1e-12, "{k}: {s} {sine}");
+            // The floor refuses, and a mirrored node is inside out.
+            assert!(refused(star.score(&targets, p[k], s + 1e-9)));
+        }
+        // With a coarse lattice the altitude is what is short: 6 V over twice the largest face.
+        let coarse = Targets::new(&controls, 100.0);
+        let largest = score::face_vectors(&p).iter().map(nalgebra::Matrix::norm).fold(0.0, f64::max);
+        let mut star = Star::default();
+        star.add_tet(p, 0);
+        let s = star.score(&coarse, p[0], f64::NEG_INFINITY);
+        assert!((s * 28.0 / (6.0 * volume / largest) - 1.0).abs() < 1e-12, "{s}");
+        let beyond = Point::new(0.5, 0.5, 0.5);
+        assert!(refused(star.score(&coarse, beyond, f64::NEG_INFINITY)));
+    }
+}

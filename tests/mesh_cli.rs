@@ -1,0 +1,124 @@
+//! `grainrig mesh` as a person uses it.
+
+use grainrig::export::stl;
+use grainrig::geometry::{Ball, Point, TriangleMesh};
+use grainrig::mesh::{Controls, mesh};
+use serde_json::Value;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn grainrig(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_grainrig")).args(arguments).current_dir(folder).output().unwrap()
+}
+
+/// Runs it, expects this exit code and that standard error says every part.
+fn refused(folder: &Path, arguments: &[&str], code: i32, parts: &[&str]) {
+    let out = grainrig(folder, arguments);
+    let said = String::from_utf8_lossy(&out.stderr);
+    assert_eq!(out.status.code(), Some(code), "{arguments:?}: {said}");
+    assert!(out.stdout.is_empty() && !said.contains("panicked"), "{said}");
+    for part in parts {
+        assert!(said.contains(part), "{arguments:?} should say `{part}`: {said}");
+    }
+}
+
+/// A ball's surface of some hundred triangles, radius 0.5.
+fn ball() -> TriangleMesh {
+    let body = Ball { center: Point::new(1.0, 2.0, 3.0), radius_mm: 0.5 };
+    mesh(&body, &Controls::for_size(4.0), &mut |_| ()).unwrap().surface().triangles
+}
+
+fn written(surface: &TriangleMesh) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    stl::write(surface, &mut bytes).unwrap();
+    bytes
+}
+
+#[test]
+fn a_surface_becomes_three_files_and_one_object_of_figures() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    fs::write(at.join("ball.STL"), written(&ball())).unwrap();
+    let sizes = ["--surface-size-mm", "0.1"];
+    let files = ["--out", "a.inp", "b.vtu", "c.stl"];
+    let out = grainrig(at, &[&["mesh", "ball.STL", "--json"][..], &sizes[..], &files[..]].concat());
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let result: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let volume = result["volume_mm3"].as_f64().unwrap();
+    assert!((volume / std::f64::consts::FRAC_PI_6 - 1.0).abs() < 0.1, "{volume}");
+    assert_eq!(result["files"], serde_json::json!(["a.inp", "b.vtu", "c.stl"]));
+    assert_eq!(result["controls"]["surface_size_mm"], 0.1);
+    let again = stl::read(&fs::read(at.join("c.stl")).unwrap()).unwrap();
+    assert_eq!(again.check(), Ok(()));
+    assert_eq!(again.triangles.len() as u64, result["triangles"].as_u64().unwrap());
+    assert!(fs::read_to_string(at.join("a.inp")).unwrap().contains("*ELEMENT, TYPE=C3D4"));
+    assert!(fs::read_to_string(at.join("b.vtu")).unwrap().contains("NumberOfPoints"));
+    // Nothing else is left behind.
+    assert_eq!(fs::read_dir(at).unwrap().count(), 4);
+
+    // The same numbers read as micrometres: the same mesh, a thousand times smaller; and text for people.
+    let sizes = ["--surface-size-mm", "0.0001", "--unit", "um"];
+    let out = grainrig(at, &[&["mesh", "ball.STL"][..], &sizes[..]].concat());
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let said = String::from_utf8(out.stdout).unwrap();
+    assert!(said.contains("tetrahedra") && said.contains("inp        ball.inp"), "{said}");
+    let count = |name: &str| fs::read_to_string(at.join(name)).unwrap().lines().count();
+    assert!(count("ball.inp").abs_diff(count("a.inp")) < 100);
+}
+
+#[test]
+fn what_cannot_be_meshed_is_refused_with_its_name_and_a_remedy() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let save = |name: &str, bytes: &[u8]| fs::write(at.join(name), bytes).unwrap();
+    let whole = ball();
+    save("ball.stl", &written(&whole));
+    let mut open = whole.clone();
+    open.triangles.truncate(open.triangles.len() - 2);
+    save("open.stl", &written(&open));
+    let mut inside_out = whole.clone();
+    inside_out.triangles.iter_mut().for_each(|t| t.swap(0, 1));
+    save("inverted.stl", &written(&inside_out));
+    // A third sheet at an edge.
+    let mut sheets = whole.clone();
+    let [a, b, _] = sheets.triangles[0];
+    sheets.vertices.push(Point::new(9.0, 9.0, 9.0));
+    sheets.triangles.push([a, b, sheets.vertices.len() as u32 - 1]);
+    save("sheets.stl", &written(&sheets));
+    save("empty.stl", b"");
+    save("cut.stl", &written(&whole)[..500]);
+    save("not.stl", b"solid grain\nthis is a letter\n");
+    let mut text = String::from("solid one\n");
+    for t in 0..whole.triangles.len() {
+        text += "facet normal 0 0 0\nouter loop\n";
+        whole.corners(t).iter().for_each(|p| writeln!(text, "vertex {} {} {}", p.x, p.y, p.z).unwrap());
+        text += "endloop\nendfacet\n";
+    }
+    save("text.stl", (text + "endsolid one\n").as_bytes());
+
+    refused(at, &["mesh", "open.stl"], 1, &["open.stl", "edge", "close it"]);
+    refused(at, &["mesh", "inverted.stl"], 1, &["inverted.stl", "mm³", "inside out", "outwards"]);
+    refused(at, &["mesh", "sheets.stl"], 1, &["sheets.stl", "edge"]);
+    refused(at, &["mesh", "empty.stl"], 1, &["empty.stl"]);
+    refused(at, &["mesh", "cut.stl"], 1, &["cut.stl", "cut short", "500 bytes"]);
+    refused(at, &["mesh", "not.stl"], 1, &["not.stl", "STL"]);
+    refused(at, &["mesh", "missing.stl"], 1, &["missing.stl", "cannot read"]);
+    refused(at, &["mesh", "ball.stl", "--out", "ball.obj"], 2, &["ball.obj", ".vtu"]);
+    refused(at, &["mesh", "ball.stl", "--out", "./ball.stl"], 2, &["ball.stl", "another name"]);
+    refused(at, &["mesh", "ball.stl", "--out", "no/such/a.inp"], 1, &["no/such/a.inp", "cannot write"]);
+    refused(at, &["mesh", "ball.stl", "--facet-angle-deg", "45"], 2, &["45 °", "at most 30°"]);
+    refused(
+        at,
+        &["mesh", "ball.stl", "--surface-size-mm", "1e-5"],
+        1,
+        &["tetrahedra", "set surface_size_mm"],
+    );
+    refused(at, &["mesh", "ball.stl", "--surface-size-mm", "50"], 1, &["ball.stl", "smaller"]);
+    refused(at, &["mesh", "ball.stl", "--unit", "inch"], 2, &["um", "mm"]);
+    assert!(!at.join("ball.inp").exists());
+    let out = grainrig(at, &["mesh", "text.stl", "--surface-size-mm", "0.2"]);
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    assert!(at.join("text.inp").exists());
+}
