@@ -3,6 +3,7 @@
 mod capture;
 mod devices;
 mod import;
+mod local_rig;
 mod mesh;
 mod progress;
 mod reconstruct;

@@ -5,7 +5,7 @@ use super::finish::Finished;
 use super::recorded::{WAITING_VIEWS, computation, conclude, lock, note, send_recorded};
 use super::{DaemonError, Watcher};
 use crate::acquire::{self, Control, Outcome, SessionSink, SystemClock};
-use crate::config::{Config, ConfigError};
+use crate::config::{Config, ConfigError, ServeSettings};
 use crate::geometry::Angle;
 use crate::pipeline::{Cameras, View};
 use crate::session::{Manifest, Origin, Session, Store};
@@ -44,14 +44,17 @@ pub(super) fn begin(data: &Path, name: &str, config: &Config) -> Result<Begun, D
     config.check()?;
     let plan = config.plan.check().map_err(|e| ConfigError::Value(e.to_string()))?;
     let rig = devices::open(config)?;
-    let frozen = serde_json::to_value(config).map_err(|e| DaemonError::Encode(e.to_string()))?;
+    // How the monitor is reached is no part of a session, which people hand around; its token is a secret.
+    let kept = Config { serve: ServeSettings::default(), ..config.clone() };
+    let frozen = serde_json::to_value(&kept).map_err(|e| DaemonError::Encode(e.to_string()))?;
     let mut manifest = Manifest::new(name, Origin::Rig, plan, frozen);
     manifest.devices = vec![rig.stage.describe(), rig.camera.describe()];
     manifest.geometry = serde_json::to_value(Cameras::Turntable(config.optics))
         .map_err(|e| DaemonError::Encode(e.to_string()))?;
-    let session = Store::new(data).create(&manifest)?;
-    session.check_space(FRAME_BYTES)?;
-    Ok(Begun { session, rig })
+    let mut staged = Store::new(data).stage(&manifest)?;
+    // Before it gets its name: a run that can't begin leaves the name free.
+    staged.session().check_space(FRAME_BYTES)?;
+    Ok(Begun { session: staged.publish()?, rig })
 }
 
 /// Goes on with an interrupted session: captures the views that its journal lacks.

@@ -88,6 +88,19 @@ fn sessions_frames_and_products_are_read() {
 }
 
 #[test]
+fn a_file_that_the_client_has_is_not_sent_again() {
+    let server = Server::start();
+    let url = server.url("/api/v1/sessions/quartz/frames/0000.jpg");
+    let etag = header(&client().get(&url).call().unwrap(), "etag");
+    let asked = |tags: &str| client().get(&url).header("if-none-match", tags).call().unwrap();
+    let mut known = asked(&format!("\"other\", {etag}"));
+    assert_eq!((known.status().as_u16(), header(&known, "etag")), (304, etag));
+    assert!(known.body_mut().read_to_vec().unwrap().is_empty());
+    // A session of the same name with another picture has another tag.
+    assert_eq!(asked("\"other\"").status(), 200);
+}
+
+#[test]
 fn what_is_not_there_is_told_as_json() {
     let server = Server::start();
     for path in ["/none", "/api", "/api/v1", "/api/v2/status", "/api/v1/sessions/", "/web/index.html"] {
@@ -141,7 +154,8 @@ fn every_answer_says_how_it_may_be_used() {
     let server = Server::start();
     for path in ["/api/v1/status", "/api/v1/none", "/api/v1/sessions/quartz/frames/0000.jpg"] {
         let response = get(&server, path);
-        assert_eq!(header(&response, "cache-control"), "no-store", "{path}");
+        let caching = if path.contains("/frames/") { "private, no-cache" } else { "no-store" };
+        assert_eq!(header(&response, "cache-control"), caching, "{path}");
         assert_eq!(header(&response, "x-content-type-options"), "nosniff");
         assert_eq!(header(&response, "referrer-policy"), "no-referrer");
         assert_eq!(header(&response, "cross-origin-resource-policy"), "same-origin");
