@@ -1,7 +1,7 @@
 //! The rig of this computer as the server sees it: the host, its sessions, and what clients may know of them.
 
 use crate::config::Config;
-use crate::daemon::{DaemonError, Host, HostError, Watcher};
+use crate::daemon::{DaemonError, Host, HostError, PreviewPart, Previews, Watcher};
 use crate::server::{
     Content, Download, EventFeed, KEPT_EVENTS, Refusal, RefusalKind, Rig, RunRequest, RunStarted,
 };
@@ -19,6 +19,7 @@ pub(super) struct LocalRig {
     host: Arc<Host>,
     feed: EventFeed,
     places: Places,
+    previews: Previews,
 }
 
 impl LocalRig {
@@ -35,7 +36,12 @@ impl LocalRig {
             };
             push.push(what, event.time);
         });
-        Self { host: Arc::new(Host::new(data.to_owned(), config, watcher)), feed, places }
+        Self {
+            host: Arc::new(Host::new(data.to_owned(), config, watcher)),
+            feed,
+            places,
+            previews: Previews::default(),
+        }
     }
 
     /// The host, for the program's end.
@@ -125,6 +131,18 @@ impl Rig for LocalRig {
             sha256: view.sha256.clone(),
             content: Content::Bytes(frame.bytes),
         })
+    }
+
+    fn preview(&self, id: &str, file: &str, of_grain: bool) -> Result<Download, Refusal> {
+        let recording = self.read(id)?;
+        let view = recording.views().find(|v| v.file == file).ok_or_else(|| absent(id, "frame", file))?;
+        let part = if of_grain { PreviewPart::Grain } else { PreviewPart::Whole };
+        let made = self.previews.preview(&recording, view.view, part).map_err(|e| match e {
+            DaemonError::Session(e) => refused(&e),
+            e => Refusal::new(RefusalKind::Failed, self.places.hidden(&e.to_string())),
+        })?;
+        let content = Content::Bytes(made.bytes.to_vec());
+        Ok(Download { content_type: "image/jpeg", sha256: made.sha256, content })
     }
 
     fn product(&self, id: &str, file: &str) -> Result<Download, Refusal> {

@@ -95,6 +95,13 @@ pub trait Rig: Send + Sync + 'static {
     /// [`RefusalKind::NotFound`] when the session does not list it.
     fn frame(&self, id: &str, file: &str) -> Result<Download, Refusal>;
 
+    /// A captured picture made small for a screen; as for [`Rig::frame`]. `of_grain` asks for the grain and what
+    /// is near it rather than the whole picture.
+    ///
+    /// # Errors
+    /// [`RefusalKind::NotFound`] when the session does not list it.
+    fn preview(&self, id: &str, file: &str, of_grain: bool) -> Result<Download, Refusal>;
+
     /// A product; as for [`Rig::frame`].
     ///
     /// # Errors

@@ -16,7 +16,7 @@ use tokio::sync::{mpsc, watch};
 use tokio_stream::wrappers::ReceiverStream;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::trace::TraceLayer;
-use utoipa::IntoParams;
+use utoipa::{IntoParams, ToSchema};
 
 use super::error::{ErrorBody, ServerError};
 use super::feed::{Snapshot, Subscription};
@@ -55,6 +55,7 @@ pub(super) fn router(app: App) -> Router {
         .route("/sessions", get(sessions))
         .route("/sessions/{id}", get(session))
         .route("/sessions/{id}/frames/{file}", get(frame))
+        .route("/sessions/{id}/previews/{file}", get(preview))
         .route("/sessions/{id}/products/{file}", get(product))
         .route("/events", get(events))
         .route("/openapi.json", get(openapi::document));
@@ -185,6 +186,48 @@ pub(super) async fn frame(
     headers: HeaderMap,
 ) -> Result<Response, ServerError> {
     file(&app, path, &headers, Rig::frame).await
+}
+
+/// What a preview shows.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Part {
+    /// The whole picture.
+    #[default]
+    Whole,
+    /// The grain and what is near it; the whole picture where no grain is found.
+    Grain,
+}
+
+/// What a preview shows.
+#[derive(Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(super) struct Of {
+    /// `whole` (unless told) or `grain`.
+    #[serde(default)]
+    part: Part,
+}
+
+/// A captured picture made small for a screen: a JPEG of some ten kilobytes, at most 1280 pixels wide.
+#[utoipa::path(get, path = "/api/v1/sessions/{id}/previews/{file}", tag = "sessions",
+    params(("id" = String, Path, description = "Name of the session"),
+           ("file" = String, Path, description = "Name of the frame"), Of), responses(
+    (status = 200, description = "The preview", headers(("etag" = String, description = "SHA-256 of the preview")),
+     content_type = "image/jpeg", body = Vec<u8>),
+    (status = 304, description = "The client has it already"),
+    (status = 400, description = "Not a name, or `part` is neither", body = ErrorBody),
+    (status = 401, description = "No token", body = ErrorBody),
+    (status = 404, description = "No such session or frame", body = ErrorBody),
+))]
+pub(super) async fn preview(
+    State(app): State<App>,
+    path: Result<Path<(String, String)>, PathRejection>,
+    query: Result<Query<Of>, QueryRejection>,
+    headers: HeaderMap,
+) -> Result<Response, ServerError> {
+    let Query(Of { part }) = query?;
+    let of_grain = part == Part::Grain;
+    file(&app, path, &headers, move |rig, id, file| rig.preview(id, file, of_grain)).await
 }
 
 /// A product: mesh, deck, figure or report.

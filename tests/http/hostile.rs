@@ -36,6 +36,7 @@ fn no_name_reads_anything_outside_a_session() {
             format!("/api/v1/sessions/quartz/frames/{up}/secret.txt"),
             format!("/api/v1/sessions/quartz/products/{up}%2f..%2fsecret.txt"),
             format!("/api/v1/sessions/quartz/products/{up}"),
+            format!("/api/v1/sessions/quartz/previews/{up}%2fsecret.txt"),
             format!("/{up}/secret.txt"),
         ] {
             let answer = get(&daemon, &path, host);
@@ -45,7 +46,7 @@ fn no_name_reads_anything_outside_a_session() {
     }
     // Files that are in the session's folder, but in no list of it.
     for file in ["secret.txt", "manifest.json", "journal.jsonl", "lock"] {
-        for kind in ["frames", "products"] {
+        for kind in ["frames", "products", "previews"] {
             assert_eq!(daemon.get(&format!("/sessions/quartz/{kind}/{file}")).0, 404, "{kind}/{file}");
         }
     }

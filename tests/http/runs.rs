@@ -74,6 +74,11 @@ fn the_session_is_served(lab: &Lab, daemon: &Daemon, status: &Value) {
             assert!(bytes == std::fs::read(folder.join(kind).join(file)).unwrap(), "{file} is another file");
         }
     }
+    for part in ["whole", "grain"] {
+        let (code, preview) =
+            daemon.get_bytes(&format!("/sessions/quartz/previews/view_000.jpg?part={part}"));
+        assert!(code == 200 && preview.starts_with(b"\xff\xd8"), "{part}: {code}");
+    }
     let names: Vec<&Value> = session["products"].as_array().unwrap().iter().map(|p| &p["file"]).collect();
     for product in status["products"].as_array().unwrap() {
         assert!(names.contains(&product), "{product} of the status is not in the session");

@@ -93,6 +93,11 @@ impl Rig for FakeRig {
         }
     }
 
+    fn preview(&self, id: &str, file: &str, of_grain: bool) -> Result<Download, Refusal> {
+        self.frame(id, file)?;
+        Ok(download("image/jpeg", if of_grain { b"grain" } else { b"whole" }))
+    }
+
     fn product(&self, id: &str, file: &str) -> Result<Download, Refusal> {
         match (id, file) {
             ("quartz", "report.html") => Ok(download("text/html", b"<script>alert(1)</script>")),
