@@ -73,3 +73,25 @@ fn a_paused_run_goes_on_after_the_end_of_its_daemon() {
     assert_eq!(serde_json::from_str::<Value>(&out).unwrap()["views"], 5);
     assert_eq!(next.get("/sessions/quartz").1["state"], "complete");
 }
+
+#[test]
+fn a_mesh_that_is_being_made_does_not_hold_up_the_end() {
+    let lab = Lab::new(SMALL);
+    let mut daemon = lab.serve();
+    let mut stream = daemon.events(None);
+    // Millions of tetrahedra: on most computers more than fit into the time that the end may take.
+    let fine = json!({ "mesh": { "surface_size_mm": 0.008 } });
+    assert_eq!(daemon.start("quartz", fine).0, 201);
+    while stream.until("working").last().unwrap().data["stage"] != "mesh" {}
+    let (code, body) = (daemon.post("/runs/current/abort", None), daemon.get("/status").1);
+    assert_eq!((code.0, &body["state"]), (409, &json!("computing")), "{code:?}");
+    daemon.signal("TERM");
+    let (status, said) = daemon.ended();
+    assert_eq!(status.code(), Some(0), "{said}");
+    let (code, out, err) = lab.run(&["verify", "quartz", "--json"]);
+    assert_eq!(code, Some(0), "{out}{err}");
+    // Whoever broke off a mesh says how to go on; whoever did not has made it.
+    let broken_off = said.contains("grainrig resume");
+    let state = if broken_off { "captured" } else { "complete" };
+    assert_eq!(lab.serve().get("/sessions/quartz").1["state"], state);
+}

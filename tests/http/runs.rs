@@ -193,6 +193,33 @@ fn a_run_that_fails_says_why_and_the_next_one_works() {
 }
 
 #[test]
+fn a_disk_that_fails_is_told_without_telling_where_it_is() {
+    let lab = Lab::new(SMALL);
+    let daemon = lab.serve();
+    let mut stream = daemon.events(None);
+    assert_eq!(daemon.start("quartz", slow()).0, 201);
+    assert_eq!(daemon.post("/runs/current/pause", None).0, 204);
+    stream.until("paused");
+    std::fs::remove_dir_all(lab.data().join("quartz/frames")).unwrap();
+    assert_eq!(daemon.post("/runs/current/resume", None).0, 204);
+    let events = stream.until("failed");
+    let error = events[events.len() - 1].data["error"].as_str().unwrap();
+    assert!(error.contains("quartz/frames/"), "{error}");
+    let place = lab.data().to_string_lossy().into_owned();
+    assert!(!error.contains(&place), "{error} tells {place}");
+    // A session whose journal is damaged is listed as that, and stops nobody.
+    std::fs::write(lab.data().join("quartz/journal.jsonl"), "nonsense\n").unwrap();
+    let (_, sessions) = daemon.get("/sessions");
+    let damage = sessions[0]["damage"].as_str().unwrap();
+    assert!(damage.contains("quartz/journal.jsonl") && !damage.contains(&place), "{damage}");
+    let (code, body) = daemon.get("/sessions/quartz");
+    assert_eq!(code, 500, "{body}");
+    assert!(body.to_string().contains("grainrig verify") && !body.to_string().contains(&place), "{body}");
+    assert_eq!(daemon.start("next", json!({})).0, 201);
+    stream.until("complete");
+}
+
+#[test]
 fn settings_that_make_no_sense_are_refused_by_name_and_make_no_session() {
     let lab = Lab::new(SMALL);
     let daemon = lab.serve();
