@@ -73,6 +73,15 @@ export function fileUrl(session, folder, file) {
 }
 
 /**
+ * @param {string} session
+ * @param {string} file
+ * @param {string} part `grain` or `whole`
+ */
+export function previewUrl(session, file, part) {
+  return `${API}/sessions/${encodeURIComponent(session)}/previews/${encodeURIComponent(file)}?part=${part}`;
+}
+
+/**
  * Follows the event stream for as long as the page is open.
  *
  * EventSource itself comes back after a lost connection, with the number of the last event. It gives up

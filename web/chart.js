@@ -70,9 +70,12 @@ export function draw(place, hull, planned) {
     svg.append(element("text", { class: "tick", x: x(views), y: floor + 16, "text-anchor": "middle" }, String(views)));
   }
   svg.append(element("text", { class: "name", x: (EDGE.left + width - EDGE.right) / 2, y: height - 3, "text-anchor": "middle" }, "views"));
-  svg.append(element("text", { class: "name", x: 12, y: (EDGE.top + floor) / 2, "text-anchor": "middle", transform: `rotate(-90 12 ${(EDGE.top + floor) / 2})` }, "mm³"));
+  if (points.length > 0) svg.append(element("text", { class: "name", x: 12, y: (EDGE.top + floor) / 2, "text-anchor": "middle", transform: `rotate(-90 12 ${(EDGE.top + floor) / 2})` }, "mm³"));
 
-  if (newest) {
+  if (!newest) {
+    const middle = { x: (EDGE.left + width - EDGE.right) / 2, y: (EDGE.top + floor) / 2, "text-anchor": "middle" };
+    svg.append(element("text", { class: "tick", ...middle }, "The volume comes down view by view."));
+  } else {
     const path = points.map((point, index) => `${index ? "L" : "M"}${x(point.views).toFixed(1)} ${y(point.volume_mm3).toFixed(1)}`);
     svg.append(element("path", { class: "curve", d: path.join("") }));
     svg.append(element("circle", { class: "newest", cx: x(newest.views), cy: y(newest.volume_mm3), r: 4.5 }));

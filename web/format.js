@@ -29,7 +29,16 @@ export function duration(seconds) {
 }
 
 /** @param {number|null} volume_mm3 */
-export const volume = (volume_mm3) => (volume_mm3 === null ? "no scale" : `${number(volume_mm3)} mm³`);
+export const volume = (volume_mm3) => (volume_mm3 === null ? "no scale" : `${figure(volume_mm3)} mm³`);
+
+/**
+ * Four significant digits, the last ones too where they are noughts: a measured figure.
+ * @param {number} value
+ */
+export function figure(value) {
+  if (Number.isInteger(value) || Math.abs(value) < 1e-4 || Math.abs(value) >= 1000) return number(value);
+  return value.toPrecision(4);
+}
 
 /** @typedef {{ path: string, label: string, value: string }} Leaf */
 
@@ -50,7 +59,7 @@ export function leaves(value, path = []) {
   if (value !== null && typeof value === "object") {
     return Object.entries(value).flatMap(([key, item]) => leaves(item, [...path, key]));
   }
-  if (typeof value === "number") return [leaf(path, number(value))];
+  if (typeof value === "number") return [leaf(path, figure(value))];
   return [leaf(path, value === null || value === undefined ? "–" : String(value))];
 }
 
@@ -102,6 +111,27 @@ export function headlines(all) {
   });
 }
 
+/** What a stage of the computation is called on the page. */
+const STAGES = /** @type {Record<string, string>} */ ({
+  calibrate: "Finding the axis",
+  hull: "Carving the hull",
+  mesh: "Meshing",
+  export: "Writing files",
+});
+
+/** @param {string} stage */
+export const stageName = (stage) => STAGES[stage] ?? stage;
+
+/**
+ * The next run's name: `grain-07` → `grain-08`, `quartz` → `quartz-2`.
+ * @param {string} name
+ */
+export function nextName(name) {
+  const [, stem, digits] = /^(.*?)-(\d{1,4})$/.exec(name) ?? [];
+  const next = digits === undefined ? `${name}-2` : `${stem}-${String(Number(digits) + 1).padStart(digits.length, "0")}`;
+  return next.length <= 64 ? next : name;
+}
+
 /**
  * One line for the log.
  * @param {RigEvent} event
@@ -130,9 +160,11 @@ export function line(event) {
     case "silhouette":
       return `${view()}: silhouette of ${number(Math.round(event.area_px))} px²` + event.warnings.map((/** @type {string} */ text) => `; ${text}`).join("");
     case "hull":
+      if (event.volume_mm3 === null) return `Hull of ${event.views} view${event.views === 1 ? "" : "s"}`;
       return `Hull of ${event.views} views: ${volume(event.volume_mm3)}`;
     case "working":
-      return `${event.stage}: ${Math.round(event.done * 100)} %`;
+      if (event.done <= 0) return `${stageName(event.stage)} …`;
+      return `${stageName(event.stage)}: ${event.done < 1 ? `${Math.round(event.done * 100)} %` : "done"}`;
     case "products":
       return `${event.files.length} files written`;
     case "failed":

@@ -1,9 +1,9 @@
 // @ts-check
 // The monitor page: shows the run as the daemon's events tell it, and hands on what a person wants.
 
-import { ApiError, fileUrl, follow, get, post } from "./api.js";
+import { ApiError, fileUrl, follow, get, post, previewUrl } from "./api.js";
 import { draw } from "./chart.js";
-import { duration, headlines, leaves, line, volume } from "./format.js";
+import { duration, headlines, leaves, line, nextName, stageName, volume } from "./format.js";
 import { fold, idle } from "./status.js";
 
 /** @typedef {import("./status.js").Status} Status */
@@ -32,6 +32,16 @@ let estimated_at_ms = 0;
 let connected = false;
 let asking = false;
 let rendering = false;
+/** What the picture shows: `grain` or `whole`. */
+let part_shown = "grain";
+/** @typedef {{ url: string, name: string, alt: string }} Picture */
+/**
+ * The picture that is to be shown, the address of the one that is, and whether one is on its way.
+ * @type {Picture|null}
+ */
+let frame_wanted = null;
+let frame_shown = "";
+let frame_loading = false;
 
 /**
  * @template {HTMLElement} [E=HTMLElement]
@@ -90,7 +100,7 @@ function showRun() {
   const computing = status.state === "computing" && status.stage !== null;
   progress.max = computing ? 1 : Math.max(status.views, 1);
   progress.value = computing ? (status.stage?.done ?? 0) : Math.min(status.captured, progress.max);
-  progress.setAttribute("aria-label", computing ? `Computing: ${status.stage?.name}` : "Views captured");
+  progress.setAttribute("aria-label", computing ? stageName(status.stage?.name ?? "") : "Views captured");
   progress.dataset.state = status.state;
   write(part("step"), status.views > 0 ? `${status.captured} of ${status.views}` : "–");
   write(part("angle"), status.angle_deg === null ? "–" : `${status.angle_deg.toFixed(1)}°`);
@@ -117,13 +127,13 @@ function doing() {
     case "paused":
       return "The stage rests until the run is resumed.";
     case "computing":
-      return status.stage ? `${status.stage.name}, ${Math.round(status.stage.done * 100)} %` : "All views are captured.";
+      return status.stage ? `${stageName(status.stage.name)}, ${Math.round(status.stage.done * 100)} %` : "All views are captured.";
     case "complete":
       return "All views are captured and the products are written.";
     case "aborted":
-      return "What was captured stays on disk.";
+      return `What was captured stays on disk; “grainrig resume ${status.session}” goes on with it.`;
     case "failed":
-      return "The run could not go on; what was captured stays on disk.";
+      return `What was captured stays on disk; once the cause is mended, “grainrig resume ${status.session}” goes on.`;
     default:
       return "";
   }
@@ -132,38 +142,68 @@ function doing() {
 function showRemaining() {
   const { remaining_s, state } = status;
   let text = "–";
-  if (remaining_s !== null && state === "paused") text = `${duration(remaining_s)} (paused)`;
+  if (remaining_s !== null && state === "paused") text = duration(remaining_s);
   else if (remaining_s !== null) text = duration(remaining_s - (performance.now() - estimated_at_ms) / 1000);
   write(part("remaining"), text);
 }
 
 function showFrame() {
-  const image = /** @type {HTMLImageElement} */ (part("frame"));
   const link = /** @type {HTMLAnchorElement} */ (part("frame-link"));
-  const there = status.session !== null && status.last_frame !== null;
-  part("no-frame").hidden = there;
-  write(part("no-frame"), "No view captured yet.");
-  if (!there) {
-    image.hidden = true;
-    image.removeAttribute("src");
-    link.removeAttribute("href");
+  const { session, last_frame } = status;
+  if (session === null || last_frame === null) {
+    frame_wanted = null;
+    frame_shown = "";
     write(part("frame-name"), "");
+    part("frame").hidden = true;
+    part("frame").removeAttribute("src");
+    part("no-frame").hidden = false;
+    write(part("no-frame"), "No view captured yet.");
+    write(part("frame-about"), "");
+    link.removeAttribute("href");
     return;
   }
-  const url = fileUrl(/** @type {string} */ (status.session), "frames", /** @type {string} */ (status.last_frame));
-  if (image.getAttribute("src") === url) return;
-  image.hidden = false;
-  image.src = url;
-  image.alt = `The grain in view ${(status.view ?? 0) + 1} at ${status.angle_deg?.toFixed(1) ?? "?"}°`;
-  link.href = url;
-  write(part("frame-name"), status.last_frame ?? "");
+  link.href = fileUrl(session, "frames", last_frame);
+  const alt = `The grain in view ${(status.view ?? 0) + 1} at ${status.angle_deg?.toFixed(1) ?? "?"}°`;
+  frame_wanted = { url: previewUrl(session, last_frame, part_shown), name: last_frame, alt };
+  const how = part_shown === "grain" ? "Cut out around the grain" : "Made small for the screen";
+  write(part("frame-about"), `${how}; click it for the original.`);
+  void loadFrame();
+}
+
+/**
+ * Loads the wanted picture and then puts it in the other's place. One at a time: where pictures come faster
+ * than they load, some are left out, rather than each breaking off the one before it.
+ */
+async function loadFrame() {
+  if (frame_loading) return;
+  frame_loading = true;
+  while (frame_wanted !== null && frame_wanted.url !== frame_shown) {
+    const { url, name, alt } = frame_wanted;
+    const next = Object.assign(document.createElement("img"), { id: "frame", src: url, alt });
+    next.dataset.testid = "last-frame";
+    const problem = await next.decode().then(() => "", () => "The picture cannot be shown.");
+    // Another run may have begun meanwhile, which has none yet.
+    if (frame_wanted === null) break;
+    frame_shown = url;
+    next.hidden = problem !== "";
+    part("frame").replaceWith(next);
+    write(part("frame-name"), name);
+    part("no-frame").hidden = problem === "";
+    write(part("no-frame"), problem);
+  }
+  frame_loading = false;
 }
 
 function showHull() {
   const newest = status.hull.at(-1);
-  write(part("volume"), newest ? volume(newest.volume_mm3) : "–");
-  const settled = status.state === "complete";
-  write(part("volume-how"), newest ? `from ${newest.views} silhouettes${settled ? "" : " so far"}; an upper bound` : "");
+  const result = /** @type {any} */ (status.result)?.hull?.volume_mm3;
+  if (result !== undefined) write(part("volume"), volume(result));
+  // One view bounds nothing along its own direction.
+  else write(part("volume"), typeof newest?.volume_mm3 === "number" ? volume(newest.volume_mm3) : "–");
+  let how = "";
+  if (result !== undefined) how = "of the finished hull: an upper bound";
+  else if (newest) how = `from ${newest.views} silhouette${newest.views === 1 ? "" : "s"} so far, coarsely; an upper bound`;
+  write(part("volume-how"), how);
   draw(part("chart"), status.hull, status.views);
 }
 
@@ -194,7 +234,8 @@ function showControls() {
   enable("start-button", !active);
   enable("pause", state === "starting" || state === "running");
   enable("resume", state === "paused");
-  enable("abort", active);
+  // A mesh that is being made ends by itself.
+  enable("abort", active && state !== "computing");
 }
 
 /** @param {RigEvent} event */
@@ -203,7 +244,12 @@ function note(event) {
   log.hidden = false;
   part("no-log").hidden = true;
   const time = make("time", { datetime: event.time }, new Date(event.time).toLocaleTimeString("en-GB"));
-  log.prepend(make("li", { "data-seq": String(event.seq), "data-kind": event.event }, time, line(event)));
+  // A stage's progress is one line that counts on.
+  const newest = /** @type {HTMLElement|null} */ (log.firstElementChild);
+  if (event.event === "working" && newest?.dataset.kind === "working" && newest.dataset.stage === event.stage) newest.remove();
+  const item = make("li", { "data-seq": String(event.seq), "data-kind": event.event }, time, line(event));
+  if (event.event === "working") item.dataset.stage = event.stage;
+  log.prepend(item);
   while (log.children.length > LOG_LINES) log.lastElementChild?.remove();
 }
 
@@ -227,8 +273,13 @@ async function showSessions() {
 function sessionItem(session) {
   const about = [];
   if (session.created) about.push(new Date(session.created).toLocaleString("en-GB", { dateStyle: "medium", timeStyle: "short" }));
-  if (session.planned) about.push(`${session.captured ?? "?"} of ${session.planned} views`);
-  if (session.state) about.push(String(session.state).replaceAll("_", " "));
+  // While a run writes it, what is on the disk is not yet what it will be.
+  const unfinished = ["created", "interrupted", "captured"].includes(session.state);
+  if (session.busy && unfinished) about.push("in progress");
+  else {
+    if (session.planned) about.push(`${session.captured ?? "?"} of ${session.planned} views`);
+    if (session.state) about.push(String(session.state).replaceAll("_", " "));
+  }
   const summary = make("summary", {}, make("b", {}, session.name), make("span", { class: "hint" }, about.join(" · ")));
   const item = make("details", {}, summary);
   if (session.damage) item.append(make("p", { class: "run-error" }, session.damage));
@@ -256,8 +307,17 @@ function files(session, folder, list) {
   return make(
     "ul",
     { class: "files" },
-    ...list.map(({ file }) => make("li", {}, make("a", { href: fileUrl(session, folder, file) }, file))),
+    ...list.map(({ file }) => make("li", {}, make("a", { href: fileUrl(session, folder, file), ...saved(file) }, file))),
   );
+}
+
+/**
+ * A mesh is saved, not shown: a browser would choke on its text.
+ * @param {string} file
+ * @returns {Record<string, string>}
+ */
+function saved(file) {
+  return /\.(inp|vtu|stl|ply|glb|csv)$/.test(file) ? { download: file } : {};
 }
 
 /** @param {unknown} error */
@@ -270,6 +330,7 @@ function complain(error) {
  * Asks the daemon for something; one request at a time, so that a second click does nothing.
  * @param {string} path
  * @param {unknown} [body]
+ * @returns {Promise<boolean>} Whether it was done.
  */
 async function want(path, body) {
   asking = true;
@@ -277,9 +338,11 @@ async function want(path, body) {
   try {
     await post(path, body);
     part("problem").hidden = true;
+    return true;
   } catch (error) {
     complain(error);
     if (error instanceof ApiError && error.kind === "unauthorised") part("locked").hidden = false;
+    return false;
   } finally {
     asking = false;
     showControls();
@@ -293,7 +356,11 @@ function listen() {
   name.value = `grain-${now.getFullYear()}${two(now.getMonth() + 1)}${two(now.getDate())}-${two(now.getHours())}${two(now.getMinutes())}`;
   part("start").addEventListener("submit", (event) => {
     event.preventDefault();
-    void want("/runs", { name: name.value });
+    const taken = name.value;
+    void want("/runs", { name: taken }).then((begun) => {
+      // Unless somebody has typed another meanwhile.
+      if (begun && name.value === taken) name.value = nextName(taken);
+    });
   });
   part("pause").addEventListener("click", () => void want("/runs/current/pause"));
   part("resume").addEventListener("click", () => void want("/runs/current/resume"));
@@ -306,11 +373,14 @@ function listen() {
     if (sure.returnValue === "abort") void want("/runs/current/abort");
   });
   part("problem-close").addEventListener("click", () => (part("problem").hidden = true));
-  part("frame").addEventListener("error", () => {
-    part("frame").hidden = true;
-    part("no-frame").hidden = false;
-    write(part("no-frame"), "The browser cannot show this picture.");
-  });
+  const parts = /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-part]"));
+  for (const choice of parts) {
+    choice.addEventListener("click", () => {
+      part_shown = choice.dataset.part ?? "whole";
+      for (const one of parts) one.setAttribute("aria-pressed", String(one === choice));
+      show();
+    });
+  }
   new ResizeObserver(() => draw(part("chart"), status.hull, status.views)).observe(part("chart"));
   setInterval(showRemaining, 1000);
 }

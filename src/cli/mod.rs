@@ -4,6 +4,7 @@ mod capture;
 mod devices;
 mod help;
 mod import;
+mod local_rig;
 mod mesh;
 mod output;
 mod progress;

@@ -43,6 +43,12 @@ pub(super) fn render(
     Ok(out)
 }
 
+/// What the rendered `result.json` holds.
+pub(super) fn result_of(files: &[(String, Vec<u8>)]) -> Result<serde_json::Value, DaemonError> {
+    let text = files.iter().find(|(name, _)| name == RESULT).map_or(&[][..], |(_, text)| text);
+    serde_json::from_slice(text).map_err(|e| DaemonError::Encode(e.to_string()))
+}
+
 /// Writes the products whole into the session and journals them.
 pub(super) fn write(
     session: &mut Session,

@@ -1,6 +1,6 @@
 //! The rig's one job at a time, begun by one client and watched by all.
 
-use super::live::begin;
+use super::live::{Begun, begin};
 use super::{DaemonError, Watcher};
 use crate::acquire::{Control, Phase};
 use crate::config::{Config, ConfigError};
@@ -9,8 +9,9 @@ use crate::session::event::{Event, Happening};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
+use std::time::Duration;
 
 /// Runs one capture at a time on a thread of its own.
 pub struct Host {
@@ -18,12 +19,23 @@ pub struct Host {
     config: Config,
     watcher: Watcher,
     job: Mutex<Option<Job>>,
+    /// The program ends: no run begins any more.
+    closed: AtomicBool,
 }
 
 struct Job {
     session: String,
     control: Control,
-    thread: JoinHandle<()>,
+    /// Its watchers were told of the end; rig and session are let go of a moment later.
+    told: Arc<AtomicBool>,
+    /// Nothing is ever sent: it hangs up when the run's thread has let go of everything.
+    thread: Receiver<()>,
+}
+
+impl Job {
+    fn is_over(&self) -> bool {
+        self.told.load(Ordering::Acquire)
+    }
 }
 
 /// Why the host did not do what it was asked.
@@ -46,7 +58,7 @@ pub enum HostError {
 impl Host {
     /// A host of sessions in `data`, captured as `config` says; `watcher` is told of every run's events.
     pub fn new(data: PathBuf, config: Config, watcher: Watcher) -> Self {
-        Self { data, config, watcher, job: Mutex::new(None) }
+        Self { data, config, watcher, job: Mutex::new(None), closed: AtomicBool::new(false) }
     }
 
     /// The sessions.
@@ -69,59 +81,41 @@ impl Host {
         overrides: serde_json::Map<String, serde_json::Value>,
     ) -> Result<String, HostError> {
         let mut job = self.job();
-        if let Some(running) = job.as_ref().filter(|j| !j.thread.is_finished()) {
-            return Err(HostError::Busy(running.session.clone()));
+        if self.closed.load(Ordering::Acquire) {
+            return Err(HostError::NotNow("the program is ending; start it again, then the run"));
         }
+        if let Some(before) = job.as_ref() {
+            if !before.is_over() {
+                return Err(HostError::Busy(before.session.clone()));
+            }
+            // Who saw the end may begin the next run at once; rig and session are free in a moment.
+            let _ = before.thread.recv();
+        }
+        *job = None;
         let config = self.config.with(overrides)?;
         let begun = begin(&self.data, name, &config)?;
         let control = Control::new();
-        let (steered, outside) = (control.clone(), Arc::clone(&self.watcher));
-        let thread = std::thread::Builder::new()
+        let told = Arc::new(AtomicBool::new(false));
+        let (hang_up, thread) = channel();
+        let run =
+            Run { control: control.clone(), told: Arc::clone(&told), watcher: Arc::clone(&self.watcher) };
+        std::thread::Builder::new()
             .name("run".into())
-            .spawn(move || {
-                let told = Arc::new(AtomicBool::new(false));
-                let (inside, tell) = (Arc::clone(&told), Arc::clone(&outside));
-                let watcher: Watcher = Arc::new(move |event: &Event| {
-                    let is_end = matches!(
-                        event.what,
-                        Happening::Complete { .. } | Happening::Failed { .. } | Happening::Aborted
-                    );
-                    inside.fetch_or(is_end, Ordering::Relaxed);
-                    tell(event);
-                });
-                let ended = catch_unwind(AssertUnwindSafe(|| begun.run(None, &steered, &watcher)));
-                let error = match ended {
-                    Ok(Ok(_)) => return,
-                    Ok(Err(error)) => error.to_string(),
-                    Err(_) => {
-                        "the run ended by a defect of the program; what was captured stays: please report \
-                               it with the log, and resume the session"
-                            .into()
-                    }
-                };
-                tracing::warn!("{error}");
-                // A journal that can't be written can't tell of the end.
-                if !told.load(Ordering::Relaxed) {
-                    outside(&Event {
-                        seq: 0,
-                        time: jiff::Timestamp::now(),
-                        what: Happening::Failed { error },
-                    });
-                }
-            })
+            .spawn(move || run.carry_out(begun, hang_up))
             .map_err(|source| DaemonError::Thread { source })?;
-        *job = Some(Job { session: name.to_owned(), control, thread });
+        *job = Some(Job { session: name.to_owned(), control, told, thread });
         Ok(name.to_owned())
     }
 
     /// Pauses the run before its next step.
     ///
     /// # Errors
-    /// [`HostError::NotNow`] where nothing is being captured.
+    /// [`HostError::NotNow`] where nothing is being captured, or a pause was asked for already.
     pub fn pause(&self) -> Result<(), HostError> {
         self.steer(|c| {
-            if c.phase() == Phase::Paused {
-                Err(HostError::NotNow("the run is paused already; resume it to go on"))
+            // By what was asked and not by where the run stands: it takes a moment to come to rest and to wake up.
+            if c.is_pausing() {
+                Err(HostError::NotNow("the run is paused already, or about to be; resume it to go on"))
             } else {
                 c.pause();
                 Ok(())
@@ -156,7 +150,7 @@ impl Host {
 
     fn steer(&self, act: impl FnOnce(&Control) -> Result<(), HostError>) -> Result<(), HostError> {
         let job = self.job();
-        let Some(running) = job.as_ref().filter(|j| !j.thread.is_finished()) else {
+        let Some(running) = job.as_ref().filter(|j| !j.is_over()) else {
             return Err(HostError::NotNow("there is no run; start one first"));
         };
         if matches!(running.control.phase(), Phase::Complete | Phase::Aborted | Phase::Failed) {
@@ -167,13 +161,56 @@ impl Host {
         act(&running.control)
     }
 
-    /// Stops the run, if there is one, and waits for its end.
-    pub fn finish(&self) {
-        let running = self.job().take();
-        if let Some(running) = running {
-            running.control.abort();
-            // A panic in there is caught and told already.
-            let _ = running.thread.join();
+    /// Stops the run, if there is one, for good, and waits for its end, `limit` at most; whether it came.
+    ///
+    /// A view in hand is finished. A mesh that is being made can't be stopped, but what it is made from is on the
+    /// disk: a program that ends in spite of it loses nothing that `grainrig resume` doesn't bring back.
+    pub fn finish(&self, limit: Duration) -> bool {
+        self.closed.store(true, Ordering::Release);
+        let Some(running) = self.job().take() else { return true };
+        running.control.abort();
+        running.thread.recv_timeout(limit) != Err(RecvTimeoutError::Timeout)
+    }
+}
+
+/// What the run's thread needs besides the run.
+struct Run {
+    control: Control,
+    told: Arc<AtomicBool>,
+    watcher: Watcher,
+}
+
+impl Run {
+    /// Runs, and makes sure that the watchers are told of an end, whatever it is.
+    fn carry_out(self, begun: Begun, hang_up: Sender<()>) {
+        let (told, tell) = (Arc::clone(&self.told), Arc::clone(&self.watcher));
+        let watcher: Watcher = Arc::new(move |event: &Event| {
+            let is_end = matches!(
+                event.what,
+                Happening::Complete { .. } | Happening::Failed { .. } | Happening::Aborted
+            );
+            // First, so that whoever is told may begin the next run.
+            told.fetch_or(is_end, Ordering::Release);
+            tell(event);
+        });
+        let ended = catch_unwind(AssertUnwindSafe(|| begun.run(None, &self.control, &watcher)));
+        let error = match ended {
+            Ok(Ok(_)) => None,
+            Ok(Err(error)) => Some(error.to_string()),
+            Err(_) => Some(
+                "the run ended by a defect of the program; what was captured stays: please report it with the log, \
+                 and resume the session"
+                    .into(),
+            ),
+        };
+        if let Some(error) = error {
+            tracing::warn!("{error}");
+            // A journal that can't be written can't tell of the end.
+            if !self.told.load(Ordering::Acquire) {
+                let what = Happening::Failed { error };
+                watcher(&Event { seq: 0, time: jiff::Timestamp::now(), what });
+            }
         }
+        drop(hang_up);
     }
 }

@@ -7,7 +7,7 @@ use super::recorded::{
 };
 use super::{DaemonError, Watcher};
 use crate::acquire::{self, Control, Outcome, SessionSink, SystemClock};
-use crate::config::{Config, ConfigError};
+use crate::config::{Config, ConfigError, ServeSettings};
 use crate::geometry::Angle;
 use crate::pipeline::{Cameras, MeshSettings, View};
 use crate::session::replay::replay;
@@ -57,7 +57,9 @@ pub(super) fn begin(data: &Path, name: &str, config: &Config) -> Result<Begun, D
     config.check()?;
     let plan = config.plan.check().map_err(|e| ConfigError::Value(e.to_string()))?;
     let rig = devices::open(config)?;
-    let frozen = serde_json::to_value(config).map_err(|e| DaemonError::Encode(e.to_string()))?;
+    // How the monitor is reached is no part of a session, which people hand around; its token is a secret.
+    let kept = Config { serve: ServeSettings::default(), ..config.clone() };
+    let frozen = serde_json::to_value(&kept).map_err(|e| DaemonError::Encode(e.to_string()))?;
     let mut manifest = Manifest::new(name, Origin::Rig, plan, frozen);
     manifest.devices = vec![rig.stage.describe(), rig.camera.describe()];
     manifest.geometry = serde_json::to_value(Cameras::Turntable(config.optics))

@@ -5,6 +5,7 @@ mod finish;
 mod host;
 mod importing;
 mod live;
+mod preview;
 mod recorded;
 
 pub use devices::{DeviceLine, devices};
@@ -12,6 +13,7 @@ pub use finish::{Finished, RESULT};
 pub use host::{Host, HostError};
 pub use importing::{ImportGeometry, import};
 pub use live::{Resumed, capture, resume};
+pub use preview::{Preview, PreviewPart, Previews};
 pub use recorded::{Replayed, reconstruct, replay};
 
 use crate::acquire::AcquireError;

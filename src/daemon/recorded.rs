@@ -150,10 +150,11 @@ pub(super) fn conclude(
         let manifest = session.recording().manifest().clone();
         let timing = serde_json::json!(made.timing_s);
         let files = finish::render(&made, &manifest.software, &manifest.name, timing.clone())?;
+        // As the file has it: with the products' names, not with their places on this computer.
+        let result = finish::result_of(&files)?;
         let records = finish::write(&mut session, files, timing, mesh)?;
         let folder = session.recording().folder().to_owned();
         let done = finish::finished(&made, &manifest.software, &folder, &manifest.name, records);
-        let result = serde_json::to_value(&done.result).map_err(|e| DaemonError::Encode(e.to_string()))?;
         session.append(Happening::Complete { result })?;
         Ok(done)
     });

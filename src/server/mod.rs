@@ -12,6 +12,7 @@
 
 mod assets;
 mod connection;
+mod download;
 mod error;
 mod feed;
 mod guard;
@@ -31,6 +32,7 @@ use tokio::net::TcpListener;
 use tokio::sync::watch;
 use utoipa::ToSchema;
 
+pub use download::{Content, Download};
 pub use error::{ErrorBody, ErrorText, Refusal, RefusalKind, ServerError};
 pub use feed::{EventFeed, KEPT_EVENTS, Snapshot, Subscription};
 pub use guard::{MIN_TOKEN_LENGTH, check_bind};
@@ -86,18 +88,25 @@ pub trait Rig: Send + Sync + 'static {
     /// [`RefusalKind::NotFound`] when there is none of that name.
     fn session(&self, id: &str) -> Result<serde_json::Value, Refusal>;
 
-    /// A captured picture and its content type. `file` comes from the network: look it up in the
-    /// session's own list, never join it to a path.
+    /// A captured picture. `file` comes from the network: look it up in the session's own list, never join
+    /// it to a path.
     ///
     /// # Errors
     /// [`RefusalKind::NotFound`] when the session does not list it.
-    fn frame(&self, id: &str, file: &str) -> Result<(Vec<u8>, &'static str), Refusal>;
+    fn frame(&self, id: &str, file: &str) -> Result<Download, Refusal>;
 
-    /// A product and its content type; as for [`Rig::frame`].
+    /// A captured picture made small for a screen; as for [`Rig::frame`]. `of_grain` asks for the grain and what
+    /// is near it rather than the whole picture.
     ///
     /// # Errors
     /// [`RefusalKind::NotFound`] when the session does not list it.
-    fn product(&self, id: &str, file: &str) -> Result<(Vec<u8>, &'static str), Refusal>;
+    fn preview(&self, id: &str, file: &str, of_grain: bool) -> Result<Download, Refusal>;
+
+    /// A product; as for [`Rig::frame`].
+    ///
+    /// # Errors
+    /// [`RefusalKind::NotFound`] when the session does not list it.
+    fn product(&self, id: &str, file: &str) -> Result<Download, Refusal>;
 
     /// The feed into which the rig pushes what happens.
     fn events(&self) -> EventFeed;

@@ -21,6 +21,7 @@ use super::{RunRequest, RunStarted, routes};
         routes::sessions,
         routes::session,
         routes::frame,
+        routes::preview,
         routes::product,
         routes::events,
         document
@@ -35,7 +36,8 @@ use super::{RunRequest, RunStarted, routes};
         RunStarted,
         ErrorBody,
         ErrorText,
-        StreamedEvent
+        StreamedEvent,
+        routes::Part
     ))
 )]
 struct Description;

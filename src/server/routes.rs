@@ -16,13 +16,13 @@ use tokio::sync::{mpsc, watch};
 use tokio_stream::wrappers::ReceiverStream;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::trace::TraceLayer;
-use utoipa::IntoParams;
+use utoipa::{IntoParams, ToSchema};
 
 use super::error::{ErrorBody, ServerError};
 use super::feed::{Snapshot, Subscription};
 use super::guard::{self, Guard, shortened};
 use super::status::Status;
-use super::{Refusal, Rig, RunRequest, RunStarted, assets, openapi};
+use super::{Download, Refusal, Rig, RunRequest, RunStarted, assets, openapi};
 use crate::session::event::Event;
 
 /// Largest body that is read.
@@ -35,10 +35,6 @@ const FILE_NAME_LIMIT: usize = 255;
 const IN_FLIGHT: usize = 16;
 /// How soon a browser comes back after a lost connection.
 const RETRY: Duration = Duration::from_secs(1);
-/// A product may be an HTML report or an SVG: it may show itself, but run nothing here.
-const FILE_POLICY: &str =
-    "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src 'self' data:; frame-ancestors 'none'";
-
 /// What every route knows.
 #[derive(Clone)]
 pub(super) struct App {
@@ -59,6 +55,7 @@ pub(super) fn router(app: App) -> Router {
         .route("/sessions", get(sessions))
         .route("/sessions/{id}", get(session))
         .route("/sessions/{id}/frames/{file}", get(frame))
+        .route("/sessions/{id}/previews/{file}", get(preview))
         .route("/sessions/{id}/products/{file}", get(product))
         .route("/events", get(events))
         .route("/openapi.json", get(openapi::document));
@@ -176,7 +173,9 @@ pub(super) async fn session(
 #[utoipa::path(get, path = "/api/v1/sessions/{id}/frames/{file}", tag = "sessions",
     params(("id" = String, Path, description = "Name of the session"),
            ("file" = String, Path, description = "Name of the frame")), responses(
-    (status = 200, description = "The picture", content_type = "image/*", body = Vec<u8>),
+    (status = 200, description = "The picture", headers(("etag" = String, description = "SHA-256 of the file")),
+     content_type = "image/*", body = Vec<u8>),
+    (status = 304, description = "The client has it already"),
     (status = 400, description = "Not a name", body = ErrorBody),
     (status = 401, description = "No token", body = ErrorBody),
     (status = 404, description = "No such session or frame", body = ErrorBody),
@@ -184,15 +183,60 @@ pub(super) async fn session(
 pub(super) async fn frame(
     State(app): State<App>,
     path: Result<Path<(String, String)>, PathRejection>,
+    headers: HeaderMap,
 ) -> Result<Response, ServerError> {
-    file(&app, path, Rig::frame).await
+    file(&app, path, &headers, Rig::frame).await
+}
+
+/// What a preview shows.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Part {
+    /// The whole picture.
+    #[default]
+    Whole,
+    /// The grain and what is near it; the whole picture where no grain is found.
+    Grain,
+}
+
+/// What a preview shows.
+#[derive(Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(super) struct Of {
+    /// `whole` (unless told) or `grain`.
+    #[serde(default)]
+    part: Part,
+}
+
+/// A captured picture made small for a screen: a JPEG of some ten kilobytes, at most 1280 pixels wide.
+#[utoipa::path(get, path = "/api/v1/sessions/{id}/previews/{file}", tag = "sessions",
+    params(("id" = String, Path, description = "Name of the session"),
+           ("file" = String, Path, description = "Name of the frame"), Of), responses(
+    (status = 200, description = "The preview", headers(("etag" = String, description = "SHA-256 of the preview")),
+     content_type = "image/jpeg", body = Vec<u8>),
+    (status = 304, description = "The client has it already"),
+    (status = 400, description = "Not a name, or `part` is neither", body = ErrorBody),
+    (status = 401, description = "No token", body = ErrorBody),
+    (status = 404, description = "No such session or frame", body = ErrorBody),
+))]
+pub(super) async fn preview(
+    State(app): State<App>,
+    path: Result<Path<(String, String)>, PathRejection>,
+    query: Result<Query<Of>, QueryRejection>,
+    headers: HeaderMap,
+) -> Result<Response, ServerError> {
+    let Query(Of { part }) = query?;
+    let of_grain = part == Part::Grain;
+    file(&app, path, &headers, move |rig, id, file| rig.preview(id, file, of_grain)).await
 }
 
 /// A product: mesh, deck, figure or report.
 #[utoipa::path(get, path = "/api/v1/sessions/{id}/products/{file}", tag = "sessions",
     params(("id" = String, Path, description = "Name of the session"),
            ("file" = String, Path, description = "Name of the product")), responses(
-    (status = 200, description = "The product", content_type = "application/octet-stream", body = Vec<u8>),
+    (status = 200, description = "The product", headers(("etag" = String, description = "SHA-256 of the file")),
+     content_type = "application/octet-stream", body = Vec<u8>),
+    (status = 304, description = "The client has it already"),
     (status = 400, description = "Not a name", body = ErrorBody),
     (status = 401, description = "No token", body = ErrorBody),
     (status = 404, description = "No such session or product", body = ErrorBody),
@@ -200,8 +244,9 @@ pub(super) async fn frame(
 pub(super) async fn product(
     State(app): State<App>,
     path: Result<Path<(String, String)>, PathRejection>,
+    headers: HeaderMap,
 ) -> Result<Response, ServerError> {
-    file(&app, path, Rig::product).await
+    file(&app, path, &headers, Rig::product).await
 }
 
 /// Where an event stream begins.
@@ -289,14 +334,14 @@ fn event_message(event: &Event) -> Option<sse::Event> {
 async fn file(
     app: &App,
     path: Result<Path<(String, String)>, PathRejection>,
-    read: impl FnOnce(&dyn Rig, &str, &str) -> Result<(Vec<u8>, &'static str), Refusal> + Send + 'static,
+    headers: &HeaderMap,
+    read: impl FnOnce(&dyn Rig, &str, &str) -> Result<Download, Refusal> + Send + 'static,
 ) -> Result<Response, ServerError> {
     let Path((id, name)) = path?;
     check_name("session", &id, SESSION_NAME_LIMIT)?;
     check_name("file", &name, FILE_NAME_LIMIT)?;
-    let Json((bytes, content_type)) = on_rig(app, move |rig| read(rig, &id, &name)).await?;
-    let headers = [(header::CONTENT_TYPE, content_type), (header::CONTENT_SECURITY_POLICY, FILE_POLICY)];
-    Ok((headers, bytes).into_response())
+    let Json(download) = on_rig(app, move |rig| read(rig, &id, &name)).await?;
+    Ok(download.answer(headers))
 }
 
 /// The first fence before the disk; the rig checks the name against its own list.

@@ -80,11 +80,31 @@ fn sessions_frames_and_products_are_read() {
     let mut frame = get(&server, "/api/v1/sessions/quartz/frames/0000.jpg");
     assert_eq!(header(&frame, "content-type"), "image/jpeg");
     assert_eq!(frame.body_mut().read_to_vec().unwrap(), PICTURE);
+    let previews = [("", b"whole"), ("?part=whole", b"whole"), ("?part=grain", b"grain")];
+    for (part, shown) in previews {
+        let mut preview = get(&server, &format!("/api/v1/sessions/quartz/previews/0000.jpg{part}"));
+        assert_eq!(preview.body_mut().read_to_vec().unwrap(), shown, "{part}");
+    }
+    assert_eq!(error_of(get(&server, "/api/v1/sessions/quartz/previews/0000.jpg?part=half")).0, 400);
+    assert_eq!(error_of(get(&server, "/api/v1/sessions/quartz/previews/9.jpg")).0, 404);
     // A report may be shown, but none of its scripts may run as the page.
     let report = get(&server, "/api/v1/sessions/quartz/products/report.html");
     assert!(header(&report, "content-security-policy").starts_with("sandbox; default-src 'none'"));
     assert_eq!(error_of(get(&server, "/api/v1/sessions/quartz/frames/9.jpg")).0, 404);
     assert_eq!(error_of(get(&server, "/api/v1/sessions/quartz/products/9.stl")).0, 404);
+}
+
+#[test]
+fn a_file_that_the_client_has_is_not_sent_again() {
+    let server = Server::start();
+    let url = server.url("/api/v1/sessions/quartz/frames/0000.jpg");
+    let etag = header(&client().get(&url).call().unwrap(), "etag");
+    let asked = |tags: &str| client().get(&url).header("if-none-match", tags).call().unwrap();
+    let mut known = asked(&format!("\"other\", {etag}"));
+    assert_eq!((known.status().as_u16(), header(&known, "etag")), (304, etag));
+    assert!(known.body_mut().read_to_vec().unwrap().is_empty());
+    // A session of the same name with another picture has another tag.
+    assert_eq!(asked("\"other\"").status(), 200);
 }
 
 #[test]
@@ -141,7 +161,8 @@ fn every_answer_says_how_it_may_be_used() {
     let server = Server::start();
     for path in ["/api/v1/status", "/api/v1/none", "/api/v1/sessions/quartz/frames/0000.jpg"] {
         let response = get(&server, path);
-        assert_eq!(header(&response, "cache-control"), "no-store", "{path}");
+        let caching = if path.contains("/frames/") { "private, no-cache" } else { "no-store" };
+        assert_eq!(header(&response, "cache-control"), caching, "{path}");
         assert_eq!(header(&response, "x-content-type-options"), "nosniff");
         assert_eq!(header(&response, "referrer-policy"), "no-referrer");
         assert_eq!(header(&response, "cross-origin-resource-policy"), "same-origin");
@@ -174,6 +195,7 @@ fn the_description_has_every_route_and_no_loose_end() {
         "get /api/v1/sessions",
         "get /api/v1/sessions/{id}",
         "get /api/v1/sessions/{id}/frames/{file}",
+        "get /api/v1/sessions/{id}/previews/{file}",
         "get /api/v1/sessions/{id}/products/{file}",
         "get /api/v1/status",
         "post /api/v1/runs",
@@ -182,6 +204,10 @@ fn the_description_has_every_route_and_no_loose_end() {
         "post /api/v1/runs/current/resume",
     ];
     assert_eq!(described, expected);
+    // And no route is left out of it: those of the router, as its source has them.
+    let source = include_str!("../../src/server/routes.rs");
+    let routed = source.split(".route(\"").skip(1).count();
+    assert_eq!(routed, described.len(), "a route is not described");
     let text = document.to_string();
     for reference in quoted(&text, "\"$ref\":\"#") {
         assert!(document.pointer(&reference).is_some(), "{reference}");

@@ -8,9 +8,11 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use grainrig::server::{
-    EventFeed, KEPT_EVENTS, Refusal, RefusalKind, Rig, RunRequest, RunStarted, RunState, ServeOptions, serve,
+    Content, Download, EventFeed, KEPT_EVENTS, Refusal, RefusalKind, Rig, RunRequest, RunStarted, RunState,
+    ServeOptions, serve,
 };
 use grainrig::session::event::Happening;
+use grainrig::session::sha256_hex;
 use jiff::Timestamp;
 use serde_json::{Value, json};
 use tokio::sync::oneshot;
@@ -84,16 +86,21 @@ impl Rig for FakeRig {
         }
     }
 
-    fn frame(&self, id: &str, file: &str) -> Result<(Vec<u8>, &'static str), Refusal> {
+    fn frame(&self, id: &str, file: &str) -> Result<Download, Refusal> {
         match (id, file) {
-            ("quartz", "0000.jpg") => Ok((PICTURE.to_vec(), "image/jpeg")),
+            ("quartz", "0000.jpg") => Ok(download("image/jpeg", PICTURE)),
             _ => Err(Refusal::new(RefusalKind::NotFound, format!("`{id}` has no frame `{file}`"))),
         }
     }
 
-    fn product(&self, id: &str, file: &str) -> Result<(Vec<u8>, &'static str), Refusal> {
+    fn preview(&self, id: &str, file: &str, of_grain: bool) -> Result<Download, Refusal> {
+        self.frame(id, file)?;
+        Ok(download("image/jpeg", if of_grain { b"grain" } else { b"whole" }))
+    }
+
+    fn product(&self, id: &str, file: &str) -> Result<Download, Refusal> {
         match (id, file) {
-            ("quartz", "report.html") => Ok((b"<script>alert(1)</script>".to_vec(), "text/html")),
+            ("quartz", "report.html") => Ok(download("text/html", b"<script>alert(1)</script>")),
             _ => Err(Refusal::new(RefusalKind::NotFound, format!("`{id}` has no product `{file}`"))),
         }
     }
@@ -101,6 +108,10 @@ impl Rig for FakeRig {
     fn events(&self) -> EventFeed {
         self.feed.clone()
     }
+}
+
+fn download(content_type: &'static str, bytes: &[u8]) -> Download {
+    Download { content_type, sha256: sha256_hex(bytes), content: Content::Bytes(bytes.to_vec()) }
 }
 
 /// A server on a port of its own; it ends when dropped.

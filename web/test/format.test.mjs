@@ -3,7 +3,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 
 import { ticks } from "../chart.js";
-import { duration, headlines, leaves, number } from "../format.js";
+import { duration, headlines, leaves, nextName, number } from "../format.js";
 
 test("numbers are read at a glance", () => {
   assert.equal(number(0.523598), "0.5236");
@@ -24,7 +24,7 @@ test("a result's figures get the unit in their name", () => {
   const shown = Object.fromEntries(all.map(({ path, label, value }) => [path, `${label}: ${value}`]));
   assert.deepEqual(shown, {
     scale_mm_per_px: "scale: –",
-    "hull.volume_mm3": "hull · volume: 0.5 mm³",
+    "hull.volume_mm3": "hull · volume: 0.5000 mm³",
     "hull.bounding_box_mm.min": "hull · bounding box · min: 0, 1, 2 mm",
     "mesh.nodes": "mesh · nodes: 1,200",
     "mesh.dihedral_deg.min": "mesh · dihedral · min: 12.25°",
@@ -33,10 +33,17 @@ test("a result's figures get the unit in their name", () => {
     "view_details.2.index": "view details · 2 · index: 1",
   });
   assert.deepEqual(headlines(all).map(({ label, value }) => `${label} ${value}`), [
-    "Volume 0.5 mm³",
+    "Volume 0.5000 mm³",
     "Nodes 1,200",
     "Smallest dihedral 12.25°",
   ]);
+});
+
+test("the next run's name is at hand", () => {
+  assert.deepEqual(["quartz", "grain-07", "grain-9", "a-b-99", "grain-20261122-0913"].map(nextName), [
+    "quartz-2", "grain-08", "grain-10", "a-b-100", "grain-20261122-0914",
+  ]);
+  assert.equal(nextName("x".repeat(64)), "x".repeat(64));
 });
 
 test("ticks are round and hold the data", () => {

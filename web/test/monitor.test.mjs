@@ -62,6 +62,10 @@ test("a run is started in the browser and watched to its end", { skip: !process.
     const folder = process.env.SCREENSHOT_DIR;
     if (folder) await page.screenshot({ path: join(folder, `${name}.png`), fullPage: true });
   };
+  const fits = async () => {
+    const [wide, there] = await page.evaluate(() => [document.documentElement.scrollWidth, window.innerWidth]);
+    assert.ok(wide <= there, `the page is ${wide} px wide, the window ${there} px`);
+  };
   const says = (/** @type {string} */ id, /** @type {RegExp} */ text, timeout = 15_000) =>
     page.getByTestId(id).filter({ hasText: text }).waitFor({ timeout });
 
@@ -72,31 +76,75 @@ test("a run is started in the browser and watched to its end", { skip: !process.
   await page.getByTestId("start").click();
 
   // The picture of each view comes as it is captured, before the run is over.
-  await says("step", /^[1-9]\d* of \d+$/, RUN_LIMIT_MS);
-  await page.getByTestId("last-frame").waitFor();
+  await says("state", /^Capturing$/, RUN_LIMIT_MS);
+  await says("step", /^[1-9]\d* of 26$/, RUN_LIMIT_MS);
+  const frame = page.getByTestId("last-frame");
+  await frame.waitFor();
+  await says("angle", /^\d+\.\d°$/);
+  await says("remaining", /^\d+ s$|min/, RUN_LIMIT_MS);
+  // The next run's name is not the one that is taken now.
+  assert.equal(await page.getByLabel("Name of the new run").inputValue(), "browser-test-2");
+
+  await says("volume", /^\d[\d.,]* mm³$/, RUN_LIMIT_MS);
+  await page.getByTestId("pause").click();
+  await says("state", /^Paused$/);
+  await page.setViewportSize({ width: 360, height: 780 });
+  await fits();
+  await picture("paused-360");
+  await page.setViewportSize({ width: 1280, height: 900 });
+  await page.getByTestId("resume").click();
+  await says("state", /^Capturing$/);
+  await says("step", /^([89]|1\d) of 26$/, RUN_LIMIT_MS);
   await picture("running-1280");
+  await says("state", /^Computing$/, RUN_LIMIT_MS);
+  await picture("computing-1280");
 
   await says("state", /^Complete$/, RUN_LIMIT_MS);
-  const frame = page.getByTestId("last-frame");
-  await frame.evaluate((/** @type {HTMLImageElement} */ image) => image.decode());
-  assert.ok((await frame.evaluate((/** @type {HTMLImageElement} */ image) => image.naturalWidth)) > 0);
+  await says("frame-name", /^view_025\.jpg$/);
+  /** Widths of the picture as it is and as it is shown; what it took to bring it here, bytes. */
+  const shown = (/** @type {string} */ part) =>
+    page.waitForFunction((part) => {
+      const image = /** @type {HTMLImageElement} */ (document.getElementById("frame"));
+      if (!image.src.endsWith(part)) return null;
+      const timing = performance.getEntriesByName(image.src).at(-1);
+      return { width: image.naturalWidth, bytes: /** @type {any} */ (timing)?.encodedBodySize ?? 0 };
+    }, part).then((handle) => handle.jsonValue());
+  for (const [button, part] of [["Whole picture", "whole"], ["Grain", "grain"]]) {
+    await page.getByRole("button", { name: button, exact: true }).click();
+    const { width, bytes } = /** @type {any} */ (await shown(part));
+    assert.ok(width > 100 && width <= 1280, `the preview of the ${part} is ${width} px wide`);
+    assert.ok(bytes > 0 && bytes < 300_000, `the preview of the ${part} has ${bytes} bytes`);
+    t.diagnostic(`preview of the ${part}: ${width} px wide, ${bytes} bytes`);
+    await picture(`complete-${part}-1280`);
+  }
   assert.match((await page.getByTestId("volume").textContent()) ?? "", /^\d[\d.,]* mm³$/);
   assert.match((await page.getByTestId("result").textContent()) ?? "", /Tetrahedra/);
   const [, captured, views] = /^(\d+) of (\d+)$/.exec((await page.getByTestId("step").textContent()) ?? "") ?? [];
   assert.equal(captured, views);
-  await picture("complete-1280");
+  const products = page.getByTestId("products").getByRole("link");
+  assert.ok((await products.count()) >= 4);
+  for (const link of await products.all()) {
+    const answer = await page.request.head(new URL((await link.getAttribute("href")) ?? "", url).href);
+    assert.equal(answer.status(), 200, `${await link.textContent()}`);
+  }
 
   // Opened anew it shows the same, and nothing is wider than a telephone.
   for (const width of [1920, 390, 360]) {
     await page.setViewportSize({ width, height: 844 });
     await page.reload();
     await says("state", /^Complete$/);
-    await page.getByTestId("last-frame").evaluate((/** @type {HTMLImageElement} */ image) => image.decode());
-    const overflow = await page.evaluate(() => document.documentElement.scrollWidth - window.innerWidth);
-    assert.ok(overflow <= 0, `the page is ${overflow} px wider than ${width} px`);
+    await frame.waitFor();
+    await fits();
     await picture(`complete-${width}`);
   }
   await page.emulateMedia({ colorScheme: "dark" });
   await picture("complete-dark-360");
   assert.deepEqual(complaints, []);
+
+  // A name that is taken is said to be, in the page's own words.
+  await page.getByLabel("Name of the new run").fill("browser-test");
+  await page.getByTestId("start").click();
+  await says("problem", /another name/);
+  await fits();
+  await picture("refused-dark-360");
 });

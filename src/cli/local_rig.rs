@@ -1,0 +1,240 @@
+//! The rig of this computer as the server sees it: the host, its sessions, and what clients may know of them.
+
+use crate::config::Config;
+use crate::daemon::{DaemonError, Host, HostError, PreviewPart, Previews, Watcher};
+use crate::server::{
+    Content, Download, EventFeed, KEPT_EVENTS, Refusal, RefusalKind, Rig, RunRequest, RunStarted,
+};
+use crate::session::event::{Event, Happening};
+use crate::session::{Recording, SessionError, Summary};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Settings that belong to whoever runs the daemon: how it is reached, and files of its computer.
+const NOT_A_CLIENTS: [&str; 2] = ["/serve", "/simulated/grain_stl"];
+
+/// The host as the server sees it.
+pub(super) struct LocalRig {
+    host: Arc<Host>,
+    feed: EventFeed,
+    places: Places,
+    previews: Previews,
+}
+
+impl LocalRig {
+    pub(super) fn new(data: &Path, config: Config) -> Self {
+        // Numbers go on across a restart, and stay below 2^53.
+        let seconds = u64::try_from(jiff::Timestamp::now().as_second()).unwrap_or(1).max(1);
+        let feed = EventFeed::new(seconds * 1_000_000, KEPT_EVENTS);
+        let places = Places::of(data);
+        let (push, hide) = (feed.clone(), places.clone());
+        let watcher: Watcher = Arc::new(move |event: &Event| {
+            let what = match &event.what {
+                Happening::Failed { error } => Happening::Failed { error: hide.hidden(error) },
+                what => what.clone(),
+            };
+            push.push(what, event.time);
+        });
+        Self {
+            host: Arc::new(Host::new(data.to_owned(), config, watcher)),
+            feed,
+            places,
+            previews: Previews::default(),
+        }
+    }
+
+    /// The host, for the program's end.
+    pub(super) fn host(&self) -> Arc<Host> {
+        Arc::clone(&self.host)
+    }
+
+    fn read(&self, id: &str) -> Result<Recording, Refusal> {
+        self.host.store().read(id).map_err(|e| refused(&e))
+    }
+
+    fn host_refused(&self, error: &HostError) -> Refusal {
+        let told = |kind| Refusal::new(kind, self.places.hidden(&error.to_string()));
+        match error {
+            HostError::Busy(_) | HostError::NotNow(_) => told(RefusalKind::Busy),
+            HostError::Daemon(DaemonError::Session(e)) => refused(e),
+            HostError::Config(_) | HostError::Daemon(DaemonError::Config(_) | DaemonError::Acquire(_)) => {
+                told(RefusalKind::Invalid)
+            }
+            HostError::Daemon(_) => told(RefusalKind::Failed),
+        }
+    }
+}
+
+impl Rig for LocalRig {
+    fn start(&self, request: RunRequest) -> Result<RunStarted, Refusal> {
+        let overrides = Value::Object(request.overrides.into_iter().collect());
+        if let Some(key) = NOT_A_CLIENTS.iter().find(|key| overrides.pointer(key).is_some()) {
+            let key = key[1..].replace('/', ".");
+            let message = format!("{key} is no setting of a run; set it in the daemon's configuration file");
+            return Err(Refusal::new(RefusalKind::Invalid, message));
+        }
+        let Value::Object(overrides) = overrides else { unreachable!("it was made of an object") };
+        let session = self.host.start(&request.name, overrides).map_err(|e| self.host_refused(&e))?;
+        Ok(RunStarted { session })
+    }
+
+    fn pause(&self) -> Result<(), Refusal> {
+        self.host.pause().map_err(|e| self.host_refused(&e))
+    }
+
+    fn resume(&self) -> Result<(), Refusal> {
+        self.host.resume().map_err(|e| self.host_refused(&e))
+    }
+
+    fn abort(&self) -> Result<(), Refusal> {
+        self.host.abort().map_err(|e| self.host_refused(&e))
+    }
+
+    fn sessions(&self) -> Result<Value, Refusal> {
+        let mut all: Vec<Summary> = self.host.store().list().map_err(|e| refused(&e))?;
+        all.sort_by(|a, b| b.created.cmp(&a.created).then_with(|| a.name.cmp(&b.name)));
+        for session in &mut all {
+            session.damage = session.damage.as_deref().map(|damage| self.places.hidden(damage));
+        }
+        Ok(json!(all))
+    }
+
+    fn session(&self, id: &str) -> Result<Value, Refusal> {
+        let recording = self.read(id)?;
+        let manifest = recording.manifest();
+        Ok(json!({
+            "name": id,
+            "created": manifest.created,
+            "software": manifest.software,
+            "origin": manifest.origin,
+            "devices": manifest.devices,
+            "state": recording.state(),
+            "plan": manifest.plan,
+            "config": manifest.config,
+            "frames": recording.views().collect::<Vec<_>>(),
+            "products": recording.products().collect::<Vec<_>>(),
+            "result": recording.result(),
+        }))
+    }
+
+    fn frame(&self, id: &str, file: &str) -> Result<Download, Refusal> {
+        let recording = self.read(id)?;
+        let view = recording.views().find(|v| v.file == file).ok_or_else(|| absent(id, "frame", file))?;
+        let frame = recording.frame(view.view).map_err(|e| refused(&e))?;
+        Ok(Download {
+            content_type: frame.encoding.media_type(),
+            sha256: view.sha256.clone(),
+            content: Content::Bytes(frame.bytes),
+        })
+    }
+
+    fn preview(&self, id: &str, file: &str, of_grain: bool) -> Result<Download, Refusal> {
+        let recording = self.read(id)?;
+        let view = recording.views().find(|v| v.file == file).ok_or_else(|| absent(id, "frame", file))?;
+        let part = if of_grain { PreviewPart::Grain } else { PreviewPart::Whole };
+        let made = self.previews.preview(&recording, view.view, part).map_err(|e| match e {
+            DaemonError::Session(e) => refused(&e),
+            e => Refusal::new(RefusalKind::Failed, self.places.hidden(&e.to_string())),
+        })?;
+        let content = Content::Bytes(made.bytes.to_vec());
+        Ok(Download { content_type: "image/jpeg", sha256: made.sha256, content })
+    }
+
+    fn product(&self, id: &str, file: &str) -> Result<Download, Refusal> {
+        let recording = self.read(id)?;
+        let product =
+            recording.products().find(|p| p.file == file).ok_or_else(|| absent(id, "product", file))?;
+        let path = recording.product_path(&product.file).map_err(|e| refused(&e))?;
+        let damaged = |cause: String| {
+            let message = format!("product {file} of session {id} is damaged; run `grainrig verify {id}`");
+            Refusal::new(RefusalKind::Failed, message).with_detail(cause)
+        };
+        let opened = std::fs::File::open(&path).and_then(|file| Ok((file.metadata()?.len(), file)));
+        let (bytes, opened) = opened.map_err(|e| damaged(e.to_string()))?;
+        if bytes != product.bytes {
+            return Err(damaged(format!("it has {bytes} bytes, {} were written", product.bytes)));
+        }
+        let content_type = media_type(&product.file);
+        Ok(Download {
+            content_type,
+            sha256: product.sha256.clone(),
+            content: Content::File { file: opened, bytes },
+        })
+    }
+
+    fn events(&self) -> EventFeed {
+        self.feed.clone()
+    }
+}
+
+/// The media type of a product, by its name's ending.
+fn media_type(file: &str) -> &'static str {
+    match file.rsplit('.').next() {
+        Some("json") => "application/json",
+        Some("stl") => "model/stl",
+        Some("vtu") => "application/xml",
+        Some("html") => "text/html; charset=utf-8",
+        Some("svg") => "image/svg+xml",
+        Some("png") => "image/png",
+        Some("csv") => "text/csv; charset=utf-8",
+        _ => "text/plain; charset=utf-8",
+    }
+}
+
+fn absent(id: &str, what: &str, file: &str) -> Refusal {
+    Refusal::new(
+        RefusalKind::NotFound,
+        format!("session {id} has no {what} of the name {file:?}; see its list"),
+    )
+}
+
+/// A session's error for a client: places on the disk stay in the log.
+fn refused(error: &SessionError) -> Refusal {
+    match error {
+        SessionError::Name { .. } => Refusal::new(RefusalKind::Invalid, error.to_string()),
+        SessionError::Exists { name, .. } => Refusal::new(
+            RefusalKind::Invalid,
+            format!("session {name:?} exists already; choose another name, or `grainrig resume {name}`"),
+        ),
+        SessionError::Absent { .. } => {
+            Refusal::new(RefusalKind::NotFound, "there is no session of that name; see the list of sessions")
+                .with_detail(error)
+        }
+        SessionError::DiskFull { needed, free, .. } => Refusal::new(
+            RefusalKind::Disk,
+            format!(
+                "{needed} bytes are needed, {free} are free; delete old sessions or set another data folder"
+            ),
+        )
+        .with_detail(error),
+        SessionError::Io { .. } => Refusal::new(
+            RefusalKind::Disk,
+            "the data folder cannot be read or written; the daemon's log has the reason",
+        )
+        .with_detail(error),
+        _ => Refusal::new(
+            RefusalKind::Failed,
+            "the session is damaged; `grainrig verify` names what is wrong with it",
+        )
+        .with_detail(error),
+    }
+}
+
+/// Where the data folder is: known to whoever runs the daemon, and no client's business.
+#[derive(Debug, Clone)]
+struct Places(Vec<String>);
+
+impl Places {
+    fn of(data: &Path) -> Self {
+        let whole = [std::path::absolute(data).ok(), data.canonicalize().ok()];
+        let below = |place: PathBuf| format!("{}/", place.to_string_lossy().trim_end_matches('/'));
+        // A data folder that is the root would take every slash out of a text.
+        Self(whole.into_iter().flatten().map(below).filter(|place| place != "/").collect())
+    }
+
+    /// The text with places below the data folder told from there on: `grain-7/journal.jsonl`.
+    fn hidden(&self, text: &str) -> String {
+        self.0.iter().fold(text.to_owned(), |text, place| text.replace(place, ""))
+    }
+}

@@ -1,0 +1,6 @@
+//! `grainrig serve` as a stranger uses it: the real program, its real port, a real run.
+
+mod daemon;
+mod ending;
+mod hostile;
+mod runs;
