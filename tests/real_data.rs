@@ -1,5 +1,5 @@
-//! Other people's pictures go through `grainrig import` to a mesh. The data are not part of the project; where
-//! they are not there, each test says so and passes.
+//! Other people's pictures go through `grainrig import` to a mesh. The data are not part of the project;
+//! where they are not there, each test says so and passes.
 
 use serde_json::Value;
 use std::path::{Path, PathBuf};

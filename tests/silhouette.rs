@@ -223,23 +223,23 @@ fn a_hole_is_kept_or_filled_as_set() {
 }
 
 #[test]
-fn a_shaded_side_and_a_piece_behind_shade_belong_to_the_grain() {
-    // Left third lit by a tenth of the light; a stripe in the middle of the shade is darker still.
-    let (dark, lit) = (10.0, 190.0);
+fn a_side_in_the_shade_belongs_to_the_grain() {
+    // The light falls to a tenth from right to left.
+    let (dark, lit) = (10.0, 200.0);
     let grain = disc([160.0, 130.0], 80.0);
     let mut noise = Noise(5);
     let data = (0..SIZE[0] * SIZE[1])
         .map(|k| {
             let (x, y) = ((k % SIZE[0]) as f64, (k / SIZE[0]) as f64);
-            let light = if x < 125.0 { 0.2 } else { 1.0 };
-            let level = dark + covered(grain(x, y), 0.8) * (lit * light - dark) + noise.normal();
+            let light = 0.1 + 0.9 * ((x - 80.0) / 160.0).clamp(0.0, 1.0);
+            let level = dark + covered(grain(x, y), 0.8) * lit * light + noise.normal();
             level.round().clamp(0.0, 255.0) as u8
         })
         .collect();
     let found = seen(&Picture::new(SIZE[0], SIZE[1], 1, data).unwrap());
     let off = found.report.area_px / (PI * 6400.0) - 1.0;
     assert!(off.abs() < 0.005, "{off}");
-    assert!(found.report.threshold_used < found.report.threshold_two);
+    assert!(found.report.threshold_used < 0.5 * found.report.threshold_two);
 }
 
 #[test]
@@ -253,7 +253,8 @@ fn without_a_grain_the_error_says_what_was_seen_and_what_to_do() {
     let dust = paint(&BACKLIT, disc([100.0, 100.0], 5.0));
     let error = find(&dust, None, &Settings::default()).unwrap_err();
     let text = error.to_string();
-    let value = matches!(error, SilhouetteError::TooSmall { area_px, limit_px } if area_px < 120.0 && limit_px == 400.0);
+    let small = |area: f64, limit: f64| area < 120.0 && limit > 399.0;
+    let value = matches!(error, SilhouetteError::TooSmall { area_px, limit_px } if small(area_px, limit_px));
     assert!(value && text.contains("400 px") && text.contains("min_area_px"), "{text}");
     let bad = Settings { min_area_px: f64::NAN, ..Settings::default() };
     assert!(matches!(find(&empty, None, &bad), Err(SilhouetteError::Setting { name: "min_area_px", .. })));
@@ -310,7 +311,12 @@ fn pictures_of_one_colour_and_of_noise_are_errors() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig {
+        cases: 200,
+        failure_persistence: None,
+        rng_seed: RngSeed::Fixed(1),
+        ..ProptestConfig::default()
+    })]
 
     /// Whatever the pixels, an outline or an error, never a panic; what is found is finite and inside.
     #[test]

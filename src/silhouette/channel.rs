@@ -55,8 +55,9 @@ impl Channel {
         matches!(self, Self::RedMinusBlue | Self::RedMinusGreen | Self::GreenMinusBlue)
     }
 
-    /// By how much (a share of the grain's pixels) it must be surer than brightness: cameras store colour at half the resolution of
-    /// brightness (4:2:0), so an outline in colour is less sharp and has to earn its place.
+    /// By how much (a share of the grain's pixels) it must be surer than brightness: cameras store colour
+    /// at half the resolution of brightness (4:2:0), so an outline in colour is less sharp and has to earn
+    /// its place.
     pub(super) fn handicap(self) -> f64 {
         match self {
             Self::Auto | Self::Luma => 0.0,

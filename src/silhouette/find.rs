@@ -16,6 +16,8 @@ const CLEAR_SIGMAS: f64 = 6.0;
 const LEAST_THRESHOLD: f64 = 4.0;
 /// Distances are given at least this far around the outline, pixels, and at least this share of its size.
 const MARGIN: (usize, f64) = (12, 0.06);
+/// Levels are read this many standard deviations of the edge's blur away from the outline.
+const CLEAR_OF_BLUR: f64 = 2.5;
 /// The outline is placed again about itself when it moved by this share of the band on average …
 const FAR: f64 = 0.5;
 /// … but no more often than this.
@@ -200,18 +202,19 @@ fn finish(
             }
         }
     }
-    let excluded = |x: usize, y: usize| {
-        let reach = outline::BAND as f64;
-        pedestal.is_some_and(|p| p.below_top(x as f64, y as f64).is_some_and(|d| d > -reach))
-    };
-    let mut field;
+    let mut band = outline::BAND;
     let mut rounds = 0;
-    loop {
-        field = outline::place(
+    let mut field = loop {
+        let excluded = |x: usize, y: usize| {
+            let reach = band as f64;
+            pedestal.is_some_and(|p| p.below_top(x as f64, y as f64).is_some_and(|d| d > -reach))
+        };
+        let field = outline::place(
             plane,
             &Parts {
-                smooth: &seen.smooth,
                 body: &body,
+                band,
+                smooth: &seen.smooth,
                 occupied,
                 excluded: &excluded,
                 threshold: seen.threshold,
@@ -220,12 +223,14 @@ fn finish(
         );
         rounds += 1;
         let placed = field.inside();
-        // Far out of focus, the place half-way is beyond the band about the first mask.
-        if rounds == MOST_ROUNDS || body.mean_shift(&placed) <= FAR * outline::BAND as f64 {
-            break;
+        // Out of focus, the levels must be read further away, and half-way may lie beyond the band.
+        let needed = (CLEAR_OF_BLUR * field.blur(placed.edge_length())).ceil() as usize;
+        let wider = needed.clamp(band, outline::WIDEST);
+        if rounds == MOST_ROUNDS || (wider == band && body.mean_shift(&placed) <= FAR * band as f64) {
+            break field;
         }
-        body = placed;
-    }
+        (band, body) = (wider, placed);
+    };
     if let Some(pedestal) = pedestal {
         field.cut(|x, y| pedestal.below_top(x, y));
     }

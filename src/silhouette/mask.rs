@@ -51,16 +51,21 @@ impl Mask {
         self.bits.iter().map(|&b| usize::from(b)).sum()
     }
 
-    /// How far the edge of this mask is from another's on average, pixels: the pixels that differ, for each
-    /// pixel along the edge.
+    /// Length of the mask's edge, pixels: a circle has 4/π times as many pixel sides.
+    pub(super) fn edge_length(&self) -> f64 {
+        let across: usize = self
+            .bits
+            .chunks_exact(self.width)
+            .map(|row| row.windows(2).filter(|p| p[0] != p[1]).count())
+            .sum();
+        let down = self.bits.iter().zip(&self.bits[self.width..]).filter(|(a, b)| a != b).count();
+        0.25 * std::f64::consts::PI * (across + down) as f64
+    }
+
+    /// How far this mask's edge is from another's on average, pixels.
     pub(super) fn mean_shift(&self, other: &Self) -> f64 {
         let differ = self.bits.iter().zip(&other.bits).filter(|(a, b)| a != b).count();
-        let edge =
-            self.bits.chunks_exact(self.width).map(|row| row.windows(2).filter(|p| p[0] != p[1]).count());
-        let sides = edge.sum::<usize>();
-        let ends = (self.bits.iter().zip(&self.bits[self.width..])).filter(|(a, b)| a != b).count();
-        // A circle has 4/π times as many pixel sides as its length.
-        differ as f64 / (0.785 * (sides + ends) as f64).max(1.0)
+        differ as f64 / self.edge_length().max(1.0)
     }
 
     /// Columns and rows that hold a set pixel.

@@ -8,10 +8,10 @@ use super::mask::{Connect, Mask};
 use super::plane::{PER_LEVEL, Plane};
 use rayon::prelude::*;
 
-/// Pixels on both sides of the mask's edge within which the outline is placed.
+/// Pixels on both sides of the mask's edge within which the outline is placed, in a picture that is in focus.
 pub(super) const BAND: usize = 3;
-/// Half the side of the window in which grain and background are read, pixels.
-const WINDOW: usize = 7;
+/// The widest band: a picture that needs more shows no outline.
+pub(super) const WIDEST: usize = 16;
 /// Pixels of each that are read, the nearest ones: enough against noise, few enough that a lit part does not
 /// set the level of a shaded one beside it.
 const SAMPLES: u32 = 12;
@@ -30,6 +30,8 @@ pub(super) struct Field {
 
 /// Which pixels belong to what, before the outline is placed between them.
 pub(super) struct Parts<'a> {
+    /// Pixels on both sides of the body's edge within which the outline is placed.
+    pub band: usize,
     /// The plane's smoothed values.
     pub smooth: &'a [i16],
     /// The grain together with what it stands on.
@@ -47,10 +49,11 @@ pub(super) struct Parts<'a> {
 /// Places the outline.
 pub(super) fn place(plane: &Plane, parts: &Parts) -> Field {
     let (w, h) = (plane.width, plane.height);
-    let inner = parts.body.eroded(BAND);
-    let outer = parts.body.dilated(BAND);
-    let taken = parts.occupied.dilated(BAND);
-    let rings = rings();
+    let inner = parts.body.eroded(parts.band);
+    let outer = parts.body.dilated(parts.band);
+    let taken = parts.occupied.dilated(parts.band);
+    // The nearest pixel beyond the band is at most its width and a little more away, on either side.
+    let rings = rings(2 * parts.band + 1);
     let mut values = vec![0f32; w * h];
     values.par_chunks_mut(w).enumerate().for_each(|(y, out)| {
         for (x, value) in out.iter_mut().enumerate() {
@@ -72,8 +75,8 @@ pub(super) fn place(plane: &Plane, parts: &Parts) -> Field {
 type Ring = Vec<(isize, isize)>;
 
 /// The places of the window, nearest first.
-fn rings() -> Vec<Ring> {
-    let side = WINDOW as isize;
+fn rings(reach: usize) -> Vec<Ring> {
+    let side = reach as isize;
     let mut by_distance = std::collections::BTreeMap::<isize, Ring>::new();
     for dy in -side..=side {
         for dx in -side..=side {
@@ -153,6 +156,13 @@ fn ridge(plane: &Plane, smooth: &[i16], x: usize, y: usize) -> f32 {
 }
 
 impl Field {
+    /// Standard deviation of the edge's blur, pixels: half-way ± half of a half, a normal distribution's
+    /// quartiles, lie 1.35 of them apart.
+    pub(super) fn blur(&self, edge_length: f64) -> f64 {
+        let between = self.values.iter().filter(|v| v.abs() < 0.5).count();
+        between as f64 / (1.35 * edge_length.max(1.0))
+    }
+
     /// Whether each pixel is inside.
     pub(super) fn inside(&self) -> Mask {
         Mask {

@@ -33,8 +33,8 @@ pub struct Report {
     pub frame: [usize; 4],
     /// The pedestal, where one was cut off.
     pub pedestal: Option<PedestalSeen>,
-    /// Whether the grain reaches the left, right, top, bottom end of the picture: then part of it is not seen,
-    /// and what lies outside counts as background.
+    /// Whether the grain reaches the left, right, top, bottom end of the picture: then part of it is not
+    /// seen, and what lies outside counts as background.
     pub touches_border: [bool; 4],
     /// What a person should know.
     pub warnings: Vec<String>,

@@ -24,6 +24,8 @@ const COMPANION: f64 = 0.05;
 const MARGIN: f64 = 0.25;
 /// Channels whose scores differ by less than this are equally sure.
 const EQUAL: f64 = 0.05;
+/// What a contrast that vanishes beside the strongest costs.
+const PALE: f64 = 0.1;
 /// What a share of the grain that a channel shows weighs against how sure it is.
 const SHOWN: f64 = 2.0;
 /// Greatest share of the picture's ends (not the lower one) that the grain may cover.
@@ -72,7 +74,8 @@ pub(super) fn search(
     let any_seen = candidates.iter().any(seen);
     let least_ring = candidates.iter().map(|c| c.ring_share).fold(f64::INFINITY, f64::min);
     let fit = |c: &Candidate| seen(c) && c.ring_share <= LARGEST_RING_SHARE;
-    let score = |c: &Candidate| c.score - c.scene.channel.handicap();
+    let strongest = candidates.iter().filter(|c| fit(c)).map(|c| c.contrast).fold(1e-9, f64::max);
+    let score = |c: &Candidate| c.score - PALE * (1.0 - c.contrast / strongest) - c.scene.channel.handicap();
     let best = candidates.iter().filter(|c| fit(c)).map(score).fold(f64::NEG_INFINITY, f64::max);
     // What one view leaves out is carved for good, what one view has too much the others carve: of channels
     // that are as good as equally sure, the one that shows the most of the grain is taken.

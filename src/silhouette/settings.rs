@@ -68,8 +68,8 @@ pub enum Polarity {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Classes {
-    /// The quietest threshold between the background's noise and Otsu's threshold for two classes: the one that
-    /// the fewest pixels lie near. It keeps the grain's shaded sides and its paler colours.
+    /// The quietest threshold between the background's noise and Otsu's threshold for two classes: the one
+    /// that the fewest pixels lie near. It keeps the grain's shaded sides and its paler colours.
     #[default]
     Auto,
     /// Otsu's threshold for two: grain and background.
