@@ -59,8 +59,8 @@ pub enum ServerError {
     /// Listening where others can connect, with nothing to keep them out.
     #[error(
         "listening on {address} would let anybody on the network turn the stage; set serve.token in the \
-         configuration, a token of at least {MIN_TOKEN_LENGTH} characters such as `openssl rand -hex 16` gives, or \
-         listen on 127.0.0.1"
+         configuration, a token of at least {MIN_TOKEN_LENGTH} characters such as `openssl rand -hex 16` \
+         gives, or listen on 127.0.0.1"
     )]
     OpenToAll {
         /// The address.
