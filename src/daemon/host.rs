@@ -73,8 +73,8 @@ impl Host {
     /// Begins a capture and returns its session's name once rig and session are there.
     ///
     /// # Errors
-    /// [`HostError`] while another run goes on, for overrides that make no sense, and where the rig or the session
-    /// can't be had.
+    /// [`HostError`] while another run goes on, for overrides that make no sense, and where the rig or the
+    /// session can't be had.
     pub fn start(
         &self,
         name: &str,
