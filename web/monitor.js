@@ -1,9 +1,12 @@
 // @ts-check
 // The monitor page: shows the run as the daemon's events tell it, and hands on what a person wants.
 
-import { ApiError, fileUrl, follow, get, post, previewUrl } from "./api.js";
+import { ApiError, follow, post } from "./api.js";
 import { draw } from "./chart.js";
+import { make, part, write } from "./dom.js";
 import { duration, headlines, leaves, line, nextName, stageName, volume } from "./format.js";
+import { chooseParts, showPicture } from "./picture.js";
+import { files, showSessions } from "./sessions.js";
 import { fold, idle } from "./status.js";
 
 /** @typedef {import("./status.js").Status} Status */
@@ -32,48 +35,6 @@ let estimated_at_ms = 0;
 let connected = false;
 let asking = false;
 let rendering = false;
-/** What the picture shows: `grain` or `whole`. */
-let part_shown = "grain";
-/** @typedef {{ url: string, name: string, alt: string }} Picture */
-/**
- * The picture that is to be shown, the address of the one that is, and whether one is on its way.
- * @type {Picture|null}
- */
-let frame_wanted = null;
-let frame_shown = "";
-let frame_loading = false;
-
-/**
- * @template {HTMLElement} [E=HTMLElement]
- * @param {string} id
- * @returns {E}
- */
-function part(id) {
-  const found = document.getElementById(id);
-  if (found === null) throw new Error(`index.html has no #${id}`);
-  return /** @type {E} */ (found);
-}
-
-/**
- * @param {string} tag
- * @param {Record<string, string>} attributes
- * @param {(Node|string)[]} children
- */
-function make(tag, attributes, ...children) {
-  const made = document.createElement(tag);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-  made.append(...children);
-  return made;
-}
-
-/**
- * Changes a text only where it differs, so that a screen reader is not told the same twice.
- * @param {HTMLElement} place
- * @param {string} text
- */
-function write(place, text) {
-  if (place.textContent !== text) place.textContent = text;
-}
 
 /** Renders once for all events that come in one turn: after a reconnection there may be hundreds. */
 function show() {
@@ -82,7 +43,7 @@ function show() {
   requestAnimationFrame(() => {
     rendering = false;
     showRun();
-    showFrame();
+    showPicture(status);
     showHull();
     showResult();
     showControls();
@@ -147,53 +108,6 @@ function showRemaining() {
   write(part("remaining"), text);
 }
 
-function showFrame() {
-  const link = /** @type {HTMLAnchorElement} */ (part("frame-link"));
-  const { session, last_frame } = status;
-  if (session === null || last_frame === null) {
-    frame_wanted = null;
-    frame_shown = "";
-    write(part("frame-name"), "");
-    part("frame").hidden = true;
-    part("frame").removeAttribute("src");
-    part("no-frame").hidden = false;
-    write(part("no-frame"), "No view captured yet.");
-    write(part("frame-about"), "");
-    link.removeAttribute("href");
-    return;
-  }
-  link.href = fileUrl(session, "frames", last_frame);
-  const alt = `The grain in view ${(status.view ?? 0) + 1} at ${status.angle_deg?.toFixed(1) ?? "?"}°`;
-  frame_wanted = { url: previewUrl(session, last_frame, part_shown), name: last_frame, alt };
-  const how = part_shown === "grain" ? "Cut out around the grain" : "Made small for the screen";
-  write(part("frame-about"), `${how}; click it for the original.`);
-  void loadFrame();
-}
-
-/**
- * Loads the wanted picture and then puts it in the other's place. One at a time: where pictures come faster
- * than they load, some are left out, rather than each breaking off the one before it.
- */
-async function loadFrame() {
-  if (frame_loading) return;
-  frame_loading = true;
-  while (frame_wanted !== null && frame_wanted.url !== frame_shown) {
-    const { url, name, alt } = frame_wanted;
-    const next = Object.assign(document.createElement("img"), { id: "frame", src: url, alt });
-    next.dataset.testid = "last-frame";
-    const problem = await next.decode().then(() => "", () => "The picture cannot be shown.");
-    // Another run may have begun meanwhile, which has none yet.
-    if (frame_wanted === null) break;
-    frame_shown = url;
-    next.hidden = problem !== "";
-    part("frame").replaceWith(next);
-    write(part("frame-name"), name);
-    part("no-frame").hidden = problem === "";
-    write(part("no-frame"), problem);
-  }
-  frame_loading = false;
-}
-
 function showHull() {
   const newest = status.hull.at(-1);
   const result = /** @type {any} */ (status.result)?.hull?.volume_mm3;
@@ -253,73 +167,6 @@ function note(event) {
   while (log.children.length > LOG_LINES) log.lastElementChild?.remove();
 }
 
-async function showSessions() {
-  /** @type {any[]} */
-  let sessions;
-  try {
-    sessions = await get("/sessions");
-  } catch (error) {
-    complain(error);
-    return;
-  }
-  part("no-sessions").hidden = sessions.length > 0;
-  part("sessions").replaceChildren(...sessions.map(sessionItem));
-}
-
-/**
- * One session, whose files are asked for when it is opened.
- * @param {any} session
- */
-function sessionItem(session) {
-  const about = [];
-  if (session.created) about.push(new Date(session.created).toLocaleString("en-GB", { dateStyle: "medium", timeStyle: "short" }));
-  // While a run writes it, what is on the disk is not yet what it will be.
-  const unfinished = ["created", "interrupted", "captured"].includes(session.state);
-  if (session.busy && unfinished) about.push("in progress");
-  else {
-    if (session.planned) about.push(`${session.captured ?? "?"} of ${session.planned} views`);
-    if (session.state) about.push(String(session.state).replaceAll("_", " "));
-  }
-  const summary = make("summary", {}, make("b", {}, session.name), make("span", { class: "hint" }, about.join(" · ")));
-  const item = make("details", {}, summary);
-  if (session.damage) item.append(make("p", { class: "run-error" }, session.damage));
-  item.addEventListener("toggle", async () => {
-    if (!(/** @type {HTMLDetailsElement} */ (item).open) || item.dataset.asked) return;
-    item.dataset.asked = "yes";
-    try {
-      const { frames = [], products = [] } = await get(`/sessions/${encodeURIComponent(session.name)}`);
-      item.append(files(session.name, "products", products), files(session.name, "frames", frames));
-    } catch (error) {
-      delete item.dataset.asked;
-      complain(error);
-    }
-  });
-  return make("li", {}, item);
-}
-
-/**
- * @param {string} session
- * @param {"frames"|"products"} folder
- * @param {{ file: string }[]} list
- */
-function files(session, folder, list) {
-  if (list.length === 0) return make("p", { class: "hint" }, `No ${folder}.`);
-  return make(
-    "ul",
-    { class: "files" },
-    ...list.map(({ file }) => make("li", {}, make("a", { href: fileUrl(session, folder, file), ...saved(file) }, file))),
-  );
-}
-
-/**
- * A mesh is saved, not shown: a browser would choke on its text.
- * @param {string} file
- * @returns {Record<string, string>}
- */
-function saved(file) {
-  return /\.(inp|vtu|stl|ply|glb|csv)$/.test(file) ? { download: file } : {};
-}
-
 /** @param {unknown} error */
 function complain(error) {
   part("problem").hidden = false;
@@ -373,14 +220,7 @@ function listen() {
     if (sure.returnValue === "abort") void want("/runs/current/abort");
   });
   part("problem-close").addEventListener("click", () => (part("problem").hidden = true));
-  const parts = /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-part]"));
-  for (const choice of parts) {
-    choice.addEventListener("click", () => {
-      part_shown = choice.dataset.part ?? "whole";
-      for (const one of parts) one.setAttribute("aria-pressed", String(one === choice));
-      show();
-    });
-  }
+  chooseParts(show);
   new ResizeObserver(() => draw(part("chart"), status.hull, status.views)).observe(part("chart"));
   setInterval(showRemaining, 1000);
 }
@@ -392,14 +232,14 @@ follow({
     status = now;
     estimated_at_ms = performance.now();
     show();
-    void showSessions();
+    void showSessions(complain);
   },
   event(event) {
     status = fold(status, event);
     if (event.event === "captured" || event.event === "resumed") estimated_at_ms = performance.now();
     note(event);
     show();
-    if (["started", "aborted", "failed", "complete"].includes(event.event)) void showSessions();
+    if (["started", "aborted", "failed", "complete"].includes(event.event)) void showSessions(complain);
   },
   connection(kind) {
     connected = kind === "live";

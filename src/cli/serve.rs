@@ -19,7 +19,8 @@ const END_LIMIT: Duration = Duration::from_secs(10);
 /// Options of `serve`.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// Address and port, instead of the configuration's (127.0.0.1:7272 unless told); port 0 takes a free one.
+    /// Address and port, instead of the configuration's (127.0.0.1:7272 unless told); port 0 takes a free
+    /// one.
     #[arg(long, value_name = "ADDRESS")]
     listen: Option<SocketAddr>,
 }
@@ -31,8 +32,8 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         Some(address) => address,
         None => settings.listen.parse::<SocketAddr>().map_err(|_| {
             usage(format!(
-                "serve.listen is {:?}, it must be an address and a port such as 127.0.0.1:7272; change it in the \
-                 configuration",
+                "serve.listen is {:?}, it must be an address and a port such as 127.0.0.1:7272; change it in \
+                 the configuration",
                 settings.listen
             ))
         })?,
@@ -87,7 +88,7 @@ async fn listen(common: &Common, config: Config, address: SocketAddr) -> Result<
             Ok(served?)
         }
         () = signals.next() => {
-            bail!("ended at the second signal, in the middle of things; `grainrig resume` goes on with the run")
+            bail!("ended at the second signal, in the middle of the run; `grainrig resume` goes on with it")
         }
     }
 }

@@ -73,8 +73,8 @@ impl Host {
     /// Begins a capture and returns its session's name once rig and session are there.
     ///
     /// # Errors
-    /// [`HostError`] while another run goes on, for overrides that make no sense, and where the rig or the session
-    /// can't be had.
+    /// [`HostError`] while another run goes on, for overrides that make no sense, and where the rig or the
+    /// session can't be had.
     pub fn start(
         &self,
         name: &str,
@@ -113,7 +113,7 @@ impl Host {
     /// [`HostError::NotNow`] where nothing is being captured, or a pause was asked for already.
     pub fn pause(&self) -> Result<(), HostError> {
         self.steer(|c| {
-            // By what was asked and not by where the run stands: it takes a moment to come to rest and to wake up.
+            // By what was asked and not by where the run stands, which takes a moment to follow.
             if c.is_pausing() {
                 Err(HostError::NotNow("the run is paused already, or about to be; resume it to go on"))
             } else {
@@ -163,8 +163,8 @@ impl Host {
 
     /// Stops the run, if there is one, for good, and waits for its end, `limit` at most; whether it came.
     ///
-    /// A view in hand is finished. A mesh that is being made can't be stopped, but what it is made from is on the
-    /// disk: a program that ends in spite of it loses nothing that `grainrig resume` doesn't bring back.
+    /// A view in hand is finished. A mesh that is being made can't be stopped, but what it is made from is on
+    /// the disk: a program that ends in spite of it loses nothing that `grainrig resume` doesn't bring back.
     pub fn finish(&self, limit: Duration) -> bool {
         self.closed.store(true, Ordering::Release);
         let Some(running) = self.job().take() else { return true };
@@ -198,8 +198,8 @@ impl Run {
             Ok(Ok(_)) => None,
             Ok(Err(error)) => Some(error.to_string()),
             Err(_) => Some(
-                "the run ended by a defect of the program; what was captured stays: please report it with the log, \
-                 and resume the session"
+                "the run ended by a defect of the program; what was captured stays: please report it with the \
+                 log, and resume the session"
                     .into(),
             ),
         };

@@ -59,8 +59,8 @@ pub enum ServerError {
     /// Listening where others can connect, with nothing to keep them out.
     #[error(
         "listening on {address} would let anybody on the network turn the stage; set serve.token in the \
-         configuration, a token of at least {MIN_TOKEN_LENGTH} characters such as `openssl rand -hex 16` gives, or \
-         listen on 127.0.0.1"
+         configuration, a token of at least {MIN_TOKEN_LENGTH} characters such as `openssl rand -hex 16` \
+         gives, or listen on 127.0.0.1"
     )]
     OpenToAll {
         /// The address.
@@ -68,8 +68,8 @@ pub enum ServerError {
     },
     /// A token that can be guessed or does not fit in an address.
     #[error(
-        "the token has {length} characters, of which {unfit} may not be in one; at least {MIN_TOKEN_LENGTH} are \
-         needed, letters, digits and `-._~`: take the output of `openssl rand -hex 16`"
+        "the token has {length} characters, of which {unfit} may not be in one; at least \
+         {MIN_TOKEN_LENGTH} are needed, letters, digits and `-._~`: take the output of `openssl rand -hex 16`"
     )]
     WeakToken {
         /// Its characters.
@@ -112,7 +112,8 @@ pub enum ServerError {
     },
     /// A name that no session or file can have.
     #[error(
-        "`{name}` cannot be the name of a {what}: 1 to {limit} characters, none of them `/`, `\\` or control characters, not beginning with a dot"
+        "`{name}` cannot be the name of a {what}: 1 to {limit} characters, none of them `/`, `\\` or control \
+         characters, not beginning with a dot"
     )]
     BadName {
         /// Of what.

@@ -19,6 +19,7 @@ mod guard;
 mod openapi;
 mod routes;
 mod status;
+mod stream;
 
 use std::collections::BTreeMap;
 use std::future::Future;
@@ -95,8 +96,8 @@ pub trait Rig: Send + Sync + 'static {
     /// [`RefusalKind::NotFound`] when the session does not list it.
     fn frame(&self, id: &str, file: &str) -> Result<Download, Refusal>;
 
-    /// A captured picture made small for a screen; as for [`Rig::frame`]. `of_grain` asks for the grain and what
-    /// is near it rather than the whole picture.
+    /// A captured picture made small for a screen; as for [`Rig::frame`]. `of_grain` asks for the grain and
+    /// what is near it rather than the whole picture.
     ///
     /// # Errors
     /// [`RefusalKind::NotFound`] when the session does not list it.

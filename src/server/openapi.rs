@@ -7,7 +7,7 @@ use utoipa::{OpenApi, ToSchema};
 
 use super::error::{ErrorBody, ErrorText};
 use super::status::{HullPoint, RunState, Stage, Status, ViewWarning};
-use super::{RunRequest, RunStarted, routes};
+use super::{RunRequest, RunStarted, routes, stream};
 
 #[derive(OpenApi)]
 #[openapi(
@@ -23,7 +23,7 @@ use super::{RunRequest, RunStarted, routes};
         routes::frame,
         routes::preview,
         routes::product,
-        routes::events,
+        stream::events,
         document
     ),
     components(schemas(

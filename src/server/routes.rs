@@ -1,29 +1,24 @@
 //! The routes under `/api/v1`: each translates between HTTP and the rig, and does nothing else.
 
-use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Duration;
 
 use axum::extract::rejection::{JsonRejection, PathRejection, QueryRejection};
 use axum::extract::{DefaultBodyLimit, Path, Query, State};
 use axum::http::{HeaderMap, StatusCode, header};
-use axum::response::sse::{self, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router, middleware};
 use serde::Deserialize;
-use tokio::sync::{mpsc, watch};
-use tokio_stream::wrappers::ReceiverStream;
+use tokio::sync::watch;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::trace::TraceLayer;
 use utoipa::{IntoParams, ToSchema};
 
 use super::error::{ErrorBody, ServerError};
-use super::feed::{Snapshot, Subscription};
 use super::guard::{self, Guard, shortened};
 use super::status::Status;
-use super::{Download, Refusal, Rig, RunRequest, RunStarted, assets, openapi};
-use crate::session::event::Event;
+use super::{Download, Refusal, Rig, RunRequest, RunStarted, assets, openapi, stream};
 
 /// Largest body that is read.
 pub(super) const BODY_LIMIT_BYTES: usize = 64 * 1024;
@@ -31,10 +26,7 @@ pub(super) const BODY_LIMIT_BYTES: usize = 64 * 1024;
 const SESSION_NAME_LIMIT: usize = 64;
 /// Longest name of a file, as file systems have it.
 const FILE_NAME_LIMIT: usize = 255;
-/// Events on their way to one client; the others wait in the feed.
-const IN_FLIGHT: usize = 16;
-/// How soon a browser comes back after a lost connection.
-const RETRY: Duration = Duration::from_secs(1);
+
 /// What every route knows.
 #[derive(Clone)]
 pub(super) struct App {
@@ -57,7 +49,7 @@ pub(super) fn router(app: App) -> Router {
         .route("/sessions/{id}/frames/{file}", get(frame))
         .route("/sessions/{id}/previews/{file}", get(preview))
         .route("/sessions/{id}/products/{file}", get(product))
-        .route("/events", get(events))
+        .route("/events", get(stream::events))
         .route("/openapi.json", get(openapi::document));
     // Path only: the query may hold the token.
     let trace = TraceLayer::new_for_http().make_span_with(|request: &axum::http::Request<_>| {
@@ -86,7 +78,8 @@ pub(super) async fn status(State(app): State<App>) -> Result<Json<serde_json::Va
 
 /// Starts a run.
 #[utoipa::path(post, path = "/api/v1/runs", tag = "run", request_body = RunRequest, responses(
-    (status = 201, description = "The run has begun", body = RunStarted, headers(("location" = String, description = "The session"))),
+    (status = 201, description = "The run has begun", body = RunStarted,
+     headers(("location" = String, description = "The session"))),
     (status = 400, description = "The request makes no sense", body = ErrorBody),
     (status = 401, description = "No token", body = ErrorBody),
     (status = 403, description = "Sent by another site's page", body = ErrorBody),
@@ -173,7 +166,8 @@ pub(super) async fn session(
 #[utoipa::path(get, path = "/api/v1/sessions/{id}/frames/{file}", tag = "sessions",
     params(("id" = String, Path, description = "Name of the session"),
            ("file" = String, Path, description = "Name of the frame")), responses(
-    (status = 200, description = "The picture", headers(("etag" = String, description = "SHA-256 of the file")),
+    (status = 200, description = "The picture",
+     headers(("etag" = String, description = "SHA-256 of the file")),
      content_type = "image/*", body = Vec<u8>),
     (status = 304, description = "The client has it already"),
     (status = 400, description = "Not a name", body = ErrorBody),
@@ -212,7 +206,8 @@ pub(super) struct Of {
 #[utoipa::path(get, path = "/api/v1/sessions/{id}/previews/{file}", tag = "sessions",
     params(("id" = String, Path, description = "Name of the session"),
            ("file" = String, Path, description = "Name of the frame"), Of), responses(
-    (status = 200, description = "The preview", headers(("etag" = String, description = "SHA-256 of the preview")),
+    (status = 200, description = "The preview",
+     headers(("etag" = String, description = "SHA-256 of the preview")),
      content_type = "image/jpeg", body = Vec<u8>),
     (status = 304, description = "The client has it already"),
     (status = 400, description = "Not a name, or `part` is neither", body = ErrorBody),
@@ -234,7 +229,8 @@ pub(super) async fn preview(
 #[utoipa::path(get, path = "/api/v1/sessions/{id}/products/{file}", tag = "sessions",
     params(("id" = String, Path, description = "Name of the session"),
            ("file" = String, Path, description = "Name of the product")), responses(
-    (status = 200, description = "The product", headers(("etag" = String, description = "SHA-256 of the file")),
+    (status = 200, description = "The product",
+     headers(("etag" = String, description = "SHA-256 of the file")),
      content_type = "application/octet-stream", body = Vec<u8>),
     (status = 304, description = "The client has it already"),
     (status = 400, description = "Not a name", body = ErrorBody),
@@ -247,87 +243,6 @@ pub(super) async fn product(
     headers: HeaderMap,
 ) -> Result<Response, ServerError> {
     file(&app, path, &headers, Rig::product).await
-}
-
-/// Where an event stream begins.
-#[derive(Debug, Deserialize, IntoParams)]
-#[into_params(parameter_in = Query)]
-pub(super) struct After {
-    /// The last event the client has; the `Last-Event-ID` header goes before it.
-    after: Option<u64>,
-}
-
-/// Every event as it happens, as server-sent events.
-///
-/// `id` is the event's number, `event` its kind, `data` the [`Event`](openapi::StreamedEvent) as JSON. A
-/// client that says which event it had last (`Last-Event-ID`, or `after`) gets each later one exactly
-/// once. One that says none, or one no longer kept, first gets a `snapshot`, whose data is the status
-/// and whose number is that of the last event in it.
-#[utoipa::path(get, path = "/api/v1/events", tag = "run",
-    params(After, ("last-event-id" = Option<u64>, Header, description = "The last event the client has")),
-    responses(
-    (status = 200, description = "The stream; each `data` is a StreamedEvent, or a Status for `snapshot`",
-     content_type = "text/event-stream", body = openapi::StreamedEvent),
-    (status = 400, description = "`after` is no number", body = ErrorBody),
-    (status = 401, description = "No token", body = ErrorBody),
-))]
-pub(super) async fn events(
-    State(app): State<App>,
-    query: Result<Query<After>, QueryRejection>,
-    headers: HeaderMap,
-) -> Result<Response, ServerError> {
-    let Query(After { after }) = query?;
-    let after = match headers.get("last-event-id") {
-        // One that is no number was not given out here: unknown, as an earlier daemon's.
-        Some(id) => id.to_str().ok().and_then(|id| id.parse().ok()),
-        None => after,
-    };
-    let (snapshot, subscription) = app.rig.events().subscribe(after);
-    let (sender, receiver) = mpsc::channel(IN_FLIGHT);
-    tokio::spawn(forward(snapshot, subscription, sender, app.stopping));
-    let stream =
-        Sse::new(ReceiverStream::new(receiver)).keep_alive(KeepAlive::new().interval(app.keep_alive));
-    Ok(stream.into_response())
-}
-
-type Sender = mpsc::Sender<Result<sse::Event, Infallible>>;
-
-/// Carries events from the feed to one client, until it leaves, is too slow, or the server ends.
-async fn forward(
-    snapshot: Option<Snapshot>,
-    mut subscription: Subscription,
-    sender: Sender,
-    mut stopping: watch::Receiver<bool>,
-) {
-    let first = match snapshot {
-        Some(snapshot) => snapshot_message(&snapshot),
-        None => Some(sse::Event::default().retry(RETRY).comment("welcome back")),
-    };
-    let mut message = first;
-    while let Some(next) = message {
-        if sender.send(Ok(next)).await.is_err() {
-            return;
-        }
-        message = tokio::select! {
-            event = subscription.next() => event.and_then(|event| event_message(&event)),
-            () = sender.closed() => return,
-            _ = stopping.wait_for(|stopping| *stopping) => return,
-        };
-    }
-}
-
-fn snapshot_message(snapshot: &Snapshot) -> Option<sse::Event> {
-    let message = sse::Event::default().retry(RETRY).id(snapshot.seq.to_string()).event("snapshot");
-    let data = serde_json::json!({ "seq": snapshot.seq, "status": snapshot.status });
-    message.json_data(data).inspect_err(|error| tracing::error!(%error, "snapshot is no JSON")).ok()
-}
-
-fn event_message(event: &Event) -> Option<sse::Event> {
-    let data =
-        serde_json::to_value(event).inspect_err(|error| tracing::error!(%error, "event is no JSON")).ok()?;
-    let kind = data.get("event").and_then(serde_json::Value::as_str)?;
-    let message = sse::Event::default().id(event.seq.to_string()).event(kind);
-    message.json_data(&data).ok()
 }
 
 /// Answers with a file that the rig reads.

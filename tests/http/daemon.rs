@@ -13,8 +13,8 @@ const BIN: &str = env!("CARGO_BIN_EXE_grainrig");
 /// Longer than anything here takes on a busy computer: a test that hangs is to fail, not to wait for ever.
 const PATIENCE: Duration = Duration::from_secs(300);
 
-/// A small picture in which the grain fills a quarter of the height, few views, a coarse mesh: a run takes about a
-/// second.
+/// A small picture in which the grain fills a quarter of the height, few views, a coarse mesh: a run takes
+/// about a second.
 pub const SMALL: &str = "
 [simulated]
 width = 648

@@ -86,7 +86,8 @@ fn a_token_opens_the_door_and_is_told_to_nobody() {
     let body = r#"{"name":"quartz"}"#;
     let answer = daemon.raw(
         format!(
-            "POST /api/v1/runs HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nAuthorization: Bearer {TOKEN}\r\n\
+            "POST /api/v1/runs HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\
+             Authorization: Bearer {TOKEN}\r\n\
              Content-Type: application/json\r\nContent-Length: {}\r\n\r\n{body}",
             body.len()
         )

@@ -49,7 +49,7 @@ fn a_run_is_watched_from_its_start_to_its_files() {
     }
     assert_eq!(status["hull"].as_array().unwrap().len(), 5);
     let volume_mm3 = status["result"]["hull"]["volume_mm3"].as_f64().unwrap();
-    // A sphere of the simulated grain's volume has 0.9 mm: the hull of five views is above it, and not by far.
+    // A sphere of the simulated grain's volume has 0.9 mm: the hull of five views is above it, not by far.
     assert!((0.38..0.8).contains(&volume_mm3), "{volume_mm3} mm³");
 
     the_session_is_served(&lab, &daemon, &status);

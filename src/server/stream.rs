@@ -1,0 +1,106 @@
+//! The event stream: what happens, to one client, as server-sent events.
+
+use std::convert::Infallible;
+use std::time::Duration;
+
+use axum::extract::rejection::QueryRejection;
+use axum::extract::{Query, State};
+use axum::http::HeaderMap;
+use axum::response::sse::{self, KeepAlive, Sse};
+use axum::response::{IntoResponse, Response};
+use serde::Deserialize;
+use tokio::sync::{mpsc, watch};
+use tokio_stream::wrappers::ReceiverStream;
+use utoipa::IntoParams;
+
+use super::error::{ErrorBody, ServerError};
+use super::feed::{Snapshot, Subscription};
+use super::openapi;
+use super::routes::App;
+use crate::session::event::Event;
+
+/// Events on their way to one client; the others wait in the feed.
+const IN_FLIGHT: usize = 16;
+/// How soon a browser comes back after a lost connection.
+const RETRY: Duration = Duration::from_secs(1);
+
+/// Where an event stream begins.
+#[derive(Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(super) struct After {
+    /// The last event the client has; the `Last-Event-ID` header goes before it.
+    after: Option<u64>,
+}
+
+/// Every event as it happens, as server-sent events.
+///
+/// `id` is the event's number, `event` its kind, `data` the [`Event`](openapi::StreamedEvent) as JSON. A
+/// client that says which event it had last (`Last-Event-ID`, or `after`) gets each later one exactly
+/// once. One that says none, or one no longer kept, first gets a `snapshot`, whose data is the status
+/// and whose number is that of the last event in it.
+#[utoipa::path(get, path = "/api/v1/events", tag = "run",
+    params(After, ("last-event-id" = Option<u64>, Header, description = "The last event the client has")),
+    responses(
+    (status = 200, description = "The stream; each `data` is a StreamedEvent, or a Status for `snapshot`",
+     content_type = "text/event-stream", body = openapi::StreamedEvent),
+    (status = 400, description = "`after` is no number", body = ErrorBody),
+    (status = 401, description = "No token", body = ErrorBody),
+))]
+pub(super) async fn events(
+    State(app): State<App>,
+    query: Result<Query<After>, QueryRejection>,
+    headers: HeaderMap,
+) -> Result<Response, ServerError> {
+    let Query(After { after }) = query?;
+    let after = match headers.get("last-event-id") {
+        // One that is no number was not given out here: unknown, as an earlier daemon's.
+        Some(id) => id.to_str().ok().and_then(|id| id.parse().ok()),
+        None => after,
+    };
+    let (snapshot, subscription) = app.rig.events().subscribe(after);
+    let (sender, receiver) = mpsc::channel(IN_FLIGHT);
+    tokio::spawn(forward(snapshot, subscription, sender, app.stopping));
+    let stream =
+        Sse::new(ReceiverStream::new(receiver)).keep_alive(KeepAlive::new().interval(app.keep_alive));
+    Ok(stream.into_response())
+}
+
+type Sender = mpsc::Sender<Result<sse::Event, Infallible>>;
+
+/// Carries events from the feed to one client, until it leaves, is too slow, or the server ends.
+async fn forward(
+    snapshot: Option<Snapshot>,
+    mut subscription: Subscription,
+    sender: Sender,
+    mut stopping: watch::Receiver<bool>,
+) {
+    let first = match snapshot {
+        Some(snapshot) => snapshot_message(&snapshot),
+        None => Some(sse::Event::default().retry(RETRY).comment("welcome back")),
+    };
+    let mut message = first;
+    while let Some(next) = message {
+        if sender.send(Ok(next)).await.is_err() {
+            return;
+        }
+        message = tokio::select! {
+            event = subscription.next() => event.and_then(|event| event_message(&event)),
+            () = sender.closed() => return,
+            _ = stopping.wait_for(|stopping| *stopping) => return,
+        };
+    }
+}
+
+fn snapshot_message(snapshot: &Snapshot) -> Option<sse::Event> {
+    let message = sse::Event::default().retry(RETRY).id(snapshot.seq.to_string()).event("snapshot");
+    let data = serde_json::json!({ "seq": snapshot.seq, "status": snapshot.status });
+    message.json_data(data).inspect_err(|error| tracing::error!(%error, "snapshot is no JSON")).ok()
+}
+
+fn event_message(event: &Event) -> Option<sse::Event> {
+    let data =
+        serde_json::to_value(event).inspect_err(|error| tracing::error!(%error, "event is no JSON")).ok()?;
+    let kind = data.get("event").and_then(serde_json::Value::as_str)?;
+    let message = sse::Event::default().id(event.seq.to_string()).event(kind);
+    message.json_data(&data).ok()
+}

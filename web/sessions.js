@@ -1,0 +1,77 @@
+// @ts-check
+// The sessions in the data folder, and the files of one.
+
+import { fileUrl, get } from "./api.js";
+import { make, part } from "./dom.js";
+
+/**
+ * Asks for the list and shows it.
+ * @param {(error: unknown) => void} complain
+ */
+export async function showSessions(complain) {
+  /** @type {any[]} */
+  let sessions;
+  try {
+    sessions = await get("/sessions");
+  } catch (error) {
+    complain(error);
+    return;
+  }
+  part("no-sessions").hidden = sessions.length > 0;
+  part("sessions").replaceChildren(...sessions.map((session) => sessionItem(session, complain)));
+}
+
+/**
+ * One session, whose files are asked for when it is opened.
+ * @param {any} session
+ * @param {(error: unknown) => void} complain
+ */
+function sessionItem(session, complain) {
+  const about = [];
+  if (session.created) about.push(new Date(session.created).toLocaleString("en-GB", { dateStyle: "medium", timeStyle: "short" }));
+  // While a run writes it, what is on the disk is not yet what it will be.
+  const unfinished = ["created", "interrupted", "captured"].includes(session.state);
+  if (session.busy && unfinished) about.push("in progress");
+  else {
+    if (session.planned) about.push(`${session.captured ?? "?"} of ${session.planned} views`);
+    if (session.state) about.push(String(session.state).replaceAll("_", " "));
+  }
+  const summary = make("summary", {}, make("b", {}, session.name), make("span", { class: "hint" }, about.join(" · ")));
+  const item = make("details", {}, summary);
+  if (session.damage) item.append(make("p", { class: "run-error" }, session.damage));
+  item.addEventListener("toggle", async () => {
+    if (!(/** @type {HTMLDetailsElement} */ (item).open) || item.dataset.asked) return;
+    item.dataset.asked = "yes";
+    try {
+      const { frames = [], products = [] } = await get(`/sessions/${encodeURIComponent(session.name)}`);
+      item.append(files(session.name, "products", products), files(session.name, "frames", frames));
+    } catch (error) {
+      delete item.dataset.asked;
+      complain(error);
+    }
+  });
+  return make("li", {}, item);
+}
+
+/**
+ * @param {string} session
+ * @param {"frames"|"products"} folder
+ * @param {{ file: string }[]} list
+ */
+export function files(session, folder, list) {
+  if (list.length === 0) return make("p", { class: "hint" }, `No ${folder}.`);
+  return make(
+    "ul",
+    { class: "files" },
+    ...list.map(({ file }) => make("li", {}, make("a", { href: fileUrl(session, folder, file), ...saved(file) }, file))),
+  );
+}
+
+/**
+ * A mesh is saved, not shown: a browser would choke on its text.
+ * @param {string} file
+ * @returns {Record<string, string>}
+ */
+function saved(file) {
+  return /\.(inp|vtu|stl|ply|glb|csv)$/.test(file) ? { download: file } : {};
+}
