@@ -109,28 +109,21 @@ const SMALL: &str = "[plan]\nsettle_ms = 0\n[simulated]\nwidth = 1000\nheight = 
 
 #[test]
 fn so_has_a_grain_in_another_light_before_another_lens() {
-    for (what, more) in [
-        ("as it comes", ""),
-        ("seed 2", "seed = 2\n"),
-        ("seed 3", "seed = 3\n"),
-        ("seed 4", "seed = 4\n"),
-        (
-            "a perfect rig",
-            "wobble_px = 0.0\nstep_error = 0.0\nroll_deg = 0.0\nblur_px = 0.3\nnoise_sd = 0.2\n",
-        ),
-        ("before a dark background", "bright_background = false\n"),
-        ("out of focus", "blur_px = 3.0\n"),
-        ("noise", "noise_sd = 6.0\n"),
-        ("leaning", "roll_deg = -2.0\naxis_offset_px = -40.0\n"),
-        ("uneven", "background_unevenness = 0.4\n"),
-        ("a rough jpeg", "jpeg_quality = 75\n"),
-        ("pinhole", "camera_distance_mm = 60.0\n[optics]\ncamera_distance_mm = 60.0\n"),
+    for (what, more, limit) in [
+        ("another grain", "seed = 2\n", 0.005),
+        ("noise", "noise_sd = 6.0\n", 0.005),
+        ("a leaning camera", "roll_deg = -2.0\naxis_offset_px = -40.0\n", 0.005),
+        ("uneven light", "background_unevenness = 0.4\n", 0.005),
+        ("a pinhole", "camera_distance_mm = 60.0\n[optics]\ncamera_distance_mm = 60.0\n", 0.005),
+        // The limb of a grain that is lit from the front is darker than its face.
+        ("a dark background", "bright_background = false\n", 0.01),
+        ("out of focus", "blur_px = 3.0\n", 0.01),
+        ("a rough file", "jpeg_quality = 75\n", 0.01),
     ] {
         print!("{what}: ");
         let (area, hull) = errors(&format!("{SMALL}{more}"));
-        if !(area < 0.005 && hull < 0.005) {
-            println!("   XXX");
-        }
+        assert!(area < limit, "{what}: a silhouette's area is off by {:.2} %", 100.0 * area);
+        assert!(hull < limit, "{what}: the hull is off by {:.2} %", 100.0 * hull);
     }
 }
 

@@ -290,6 +290,13 @@ fn report(frame: &Rect, scene: &Scene, seen: &Seen, silhouette: &Silhouette) -> 
             seen.separability[0].max(seen.separability[1])
         ));
     }
+    if seen.pedestal.is_some_and(|p| !p.top_seen) {
+        warnings.push(
+            "the pedestal's top does not show: the grain is cut where the pedestal's sides end; more light from the \
+             front would show it"
+                .into(),
+        );
+    }
     let pedestal = seen.pedestal.map(|p| {
         let (centre, half_width) = p.centre();
         PedestalSeen {

@@ -21,8 +21,13 @@ const STAND_OFF: usize = 4;
 const AVERAGED: usize = 4;
 /// A column shows the top when the grey value steps there by this share of the pedestal's contrast.
 const LEAST_STEP: f64 = 0.12;
-/// Least share of the columns that must show it.
-const LEAST_SEEN: f64 = 0.35;
+/// Least share of the columns that must show it, within this many pixels of one line.
+const LEAST_SEEN: f64 = 0.3;
+const LINE_TOLERANCE: f64 = 1.0;
+/// Sides at least this many times as long as the pedestal is wide tell its lean better than its top does.
+const LONG_SIDES: f64 = 1.0;
+/// Sides at least this many times as long are a pedestal's even where its top does not show.
+const SURE_SIDES: f64 = 0.5;
 /// Columns next to the sides that are left out, pixels.
 const CORNER: f64 = 4.0;
 /// Rounds of fitting the top's line.
@@ -38,6 +43,8 @@ pub(super) struct Pedestal {
     /// Columns of the left and right side at row 0, and columns per row.
     pub left: [f64; 2],
     pub right: [f64; 2],
+    /// Whether the top itself was seen; else it is taken where the sides end.
+    pub top_seen: bool,
 }
 
 impl Pedestal {
@@ -70,16 +77,27 @@ impl Pedestal {
 pub(super) fn find(mask: &Mask, plane: &Plane, noise: f64) -> Option<Pedestal> {
     let rows = sides_upwards(mask)?;
     let (left, right, top) = straight_sides(&rows, mask.height)?;
-    let rough = Pedestal { top: [top, 0.0], left, right };
+    let rough = Pedestal { top: [top, 0.0], left, right, top_seen: false };
     let (centre, half) = rough.centre();
-    let height = (mask.height as f64 - 0.5) - top;
-    if 2.0 * half < LEAST_WIDTH || height < LEAST_HEIGHT.0.max(LEAST_HEIGHT.1 * 2.0 * half) {
+    let (height, width) = ((mask.height as f64 - 0.5) - top, 2.0 * half);
+    if width < LEAST_WIDTH || height < LEAST_HEIGHT.0.max(LEAST_HEIGHT.1 * width) {
         return None;
     }
     let pedestal_level = level(plane, centre, half, top)?;
-    let top = level_top(plane, &rough, pedestal_level, noise)?;
-    let found = Pedestal { top, left, right };
-    Some(sharpen_sides(plane, found, pedestal_level))
+    let mut found = sharpen_sides(plane, rough, pedestal_level);
+    // The top is square to the sides.
+    let lean = (height >= LONG_SIDES * width).then(|| -0.5 * (found.left[1] + found.right[1]));
+    if let Some(top) = level_top(plane, &rough, pedestal_level, noise, lean) {
+        return Some(Pedestal { top, top_seen: true, ..found });
+    }
+    if height < SURE_SIDES * width {
+        return None;
+    }
+    // The mask is wider than the pedestal by as much as it is higher.
+    let slope = lean.unwrap_or(0.0);
+    let widened = half - found.centre().1;
+    found.top = [top + widened - slope * centre, slope];
+    Some(found)
 }
 
 /// First and last column of the run that continues the widest run of the lowest row upwards, row by row.
@@ -164,8 +182,9 @@ fn level(plane: &Plane, centre: f64, half: f64, top: f64) -> Option<f64> {
     (!values.is_empty()).then(|| median(&mut values))
 }
 
-/// The line of the top, seen where the grey value steps, beside the grain or under it.
-fn level_top(plane: &Plane, rough: &Pedestal, body: f64, noise: f64) -> Option<Line> {
+/// The line of the top, seen where the grey value steps, beside the grain or under it; with this lean (rows per
+/// column) where it is known.
+fn level_top(plane: &Plane, rough: &Pedestal, body: f64, noise: f64, lean: Option<f64>) -> Option<Line> {
     let row = rough.top[0];
     let [l, r] = rough.sides_at(row);
     let (x0, x1) = ((l + CORNER).ceil().max(0.0) as usize, (r - CORNER).floor().max(0.0) as usize);
@@ -178,17 +197,34 @@ fn level_top(plane: &Plane, rough: &Pedestal, body: f64, noise: f64) -> Option<L
     let mut points: Vec<(f64, f64)> =
         (x0..=x1).filter_map(|x| Some((x as f64, edge(plane, x, middle, least)?))).collect();
     let columns = (x1 + 1 - x0) as f64;
-    let mut rows: Vec<f64> = points.iter().map(|p| p.1).collect();
-    let mut line = [median(&mut rows), 0.0];
+    if points.len() < 2 {
+        return None;
+    }
+    let slope = lean.unwrap_or(0.0);
+    let mut line = [densest(points.iter().map(|p| p.1 - slope * p.0).collect()), slope];
     for _ in 0..ROUNDS {
         let off = |p: &(f64, f64), line: &Line| (p.1 - line[0] - line[1] * p.0).abs();
         let mut all: Vec<f64> = points.iter().map(|p| off(p, &line)).collect();
-        let limit = (2.5 * 1.4826 * median(&mut all)).max(0.5);
+        let limit = (2.5 * 1.4826 * median(&mut all)).clamp(0.5, 2.0 * LINE_TOLERANCE);
         let near: Vec<(f64, f64)> = points.iter().filter(|p| off(p, &line) <= limit).copied().collect();
-        line = fit_line(&near)?;
+        line = match lean {
+            _ if near.is_empty() => return None,
+            Some(lean) => [near.iter().map(|p| p.1 - lean * p.0).sum::<f64>() / near.len() as f64, lean],
+            None => fit_line(&near)?,
+        };
     }
-    points.retain(|p| (p.1 - line[0] - line[1] * p.0).abs() <= 1.0);
+    points.retain(|p| (p.1 - line[0] - line[1] * p.0).abs() <= LINE_TOLERANCE);
     (points.len() as f64 >= LEAST_SEEN * columns && line[1].abs() <= GREATEST_LEAN).then_some(line)
+}
+
+/// The middle of the shortest interval that holds half of the values, of which there is at least one.
+fn densest(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let half = values.len().div_ceil(2);
+    (values.windows(half))
+        .map(|w| (w[half - 1] - w[0], w[half / 2]))
+        .reduce(|best, w| if w.0 < best.0 { w } else { best })
+        .map_or(f64::NAN, |w| w.1)
 }
 
 /// Row at which the grey value of a column is half-way between the pedestal and what is above it.

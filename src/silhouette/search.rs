@@ -26,8 +26,8 @@ const MARGIN: f64 = 0.25;
 const EQUAL: f64 = 0.05;
 /// What a contrast that vanishes beside the strongest costs.
 const PALE: f64 = 0.1;
-/// What a share of the grain that a channel shows weighs against how sure it is.
-const SHOWN: f64 = 2.0;
+/// A channel that shows this share of what the one that shows the most does shows as much.
+const SHOWN: f64 = 0.99;
 /// Greatest share of the picture's ends (not the lower one) that the grain may cover.
 const LARGEST_RING_SHARE: f64 = 0.5;
 
@@ -78,13 +78,12 @@ pub(super) fn search(
     let score = |c: &Candidate| c.score - PALE * (1.0 - c.contrast / strongest) - c.scene.channel.handicap();
     let best = candidates.iter().filter(|c| fit(c)).map(score).fold(f64::NEG_INFINITY, f64::max);
     // What one view leaves out is carved for good, what one view has too much the others carve: of channels
-    // that are as good as equally sure, the one that shows the most of the grain is taken.
+    // that are as good as equally sure, those that show the most of the grain come first.
     let equal = |c: &Candidate| fit(c) && score(c) >= best - EQUAL;
     let most = candidates.iter().filter(|c| equal(c)).map(|c| c.cells).max().unwrap_or(0).max(1);
-    let rank = |c: &Candidate| score(c) + SHOWN * c.cells as f64 / most as f64;
     (candidates.into_iter())
-        .filter(equal)
-        .reduce(|best, c| if rank(&c) > rank(&best) { c } else { best })
+        .filter(|c| equal(c) && c.cells as f64 >= SHOWN * most as f64)
+        .reduce(|best, c| if score(&c) > score(&best) { c } else { best })
         .map(|best| best.scene)
         .ok_or(if any_seen {
             SilhouetteError::NoBackground { share: 100.0 * least_ring, limit: 100.0 * LARGEST_RING_SHARE }
