@@ -1,8 +1,9 @@
 //! The tetrahedra and facets around one node, gathered once and scored at many trial places of the node.
 //!
-//! What does not change with the node (the opposite faces and edges) is computed once. A trial that cannot beat the
-//! best so far is refused at its first tetrahedron that is too bad; that one is asked first the next time, because
-//! it is likely to refuse again. The score is a minimum, so the order changes the time only, not a bit of the result.
+//! What does not change with the node (the opposite faces and edges) is computed once. A trial that cannot
+//! beat the best so far is refused at its first tetrahedron that is too bad; that one is asked first the next
+//! time, because it is likely to refuse again. The score is a minimum, so the order changes the time only,
+//! not a bit of the result.
 
 use super::{Controls, score};
 use crate::geometry::{Point, Vector};
@@ -101,8 +102,9 @@ impl Star {
         }
     }
 
-    /// The score with the node at `at`: the worst of tetrahedra and facets, each over its target, negative where a
-    /// promised size is broken. −∞ where a tetrahedron would be flat or inside out, or the score below `floor`.
+    /// The score with the node at `at`: the worst of tetrahedra and facets, each over its target, negative
+    /// where a promised size is broken. −∞ where a tetrahedron would be flat or inside out, or the score
+    /// below `floor`.
     pub(super) fn score(&mut self, targets: &Targets, at: Point, floor: f64) -> f64 {
         let (a, b) = if self.tets_first {
             let tets = self.tets_score(targets, at, floor);
