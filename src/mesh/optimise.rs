@@ -1,11 +1,12 @@
 //! Smoothing: nodes move to where their worst tetrahedron or facet gets better.
 //!
-//! A node's score is the worst of its tetrahedra (least sine of a dihedral angle, smallest altitude) and of
-//! its facets (least sine of an angle), each over its target; it is negative where a promised size is broken.
-//! A move is accepted only if the score rises, so no part of the mesh ever gets worse than it was (Freitag
-//! and Ollivier-Gooch, Int. J. Numer. Meth. Engng 40, 1997). Surface nodes move along the surface and are put
-//! back onto it. Nodes are coloured so that two of one colour share no tetrahedron: a colour moves at once,
-//! in parallel, with the same result on any number of threads.
+//! A node's score is the worst of its tetrahedra (least sine of a dihedral angle, smallest altitude) and
+//! of its facets (least sine of an angle), each over its target; a broken promise makes it negative, so
+//! that it comes before every wish. A move is accepted only if the score rises, so no part of the mesh
+//! ever gets worse than it was (Freitag and Ollivier-Gooch, Int. J. Numer. Meth. Engng 40, 1997). Surface
+//! nodes move along the surface and are put back onto it. Nodes are coloured so that two of one colour
+//! share no tetrahedron: a colour moves at once, in parallel, with the same result on any number of
+//! threads.
 
 use super::star::{Star, Targets};
 use super::tetmesh::{boundary, face_nodes};
