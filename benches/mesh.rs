@@ -1,10 +1,11 @@
 //! Body → tetrahedra. Run: `cargo bench --bench mesh` (about twenty seconds).
 //!
-//! The built-in grain as a visual hull of 25 views and as a solid of 81,920 triangles, each at three sizes; the
-//! default is the one of about 55,000 tetrahedra. The yardstick is sorting as many 64-bit numbers as the mesh has
-//! faces (four a tetrahedron) on one thread with the standard library, at the rate of four million. On a machine of two cores `TetGen` made
-//! 67,000 tetrahedra a second from a finished surface mesh, Netgen 18,000, fTetWild 10,000, CGAL 14,000 with its
-//! slivers removed, Gmsh's HXT 412,000 (after 12 s of remeshing the surface).
+//! The built-in grain as a visual hull of 25 views and as a solid of 81,920 triangles, each at three sizes;
+//! the default is the one of about 55,000 tetrahedra. The yardstick is sorting as many 64-bit numbers as the
+//! mesh has faces (four a tetrahedron) on one thread with the standard library, at the rate of four million.
+//! On a machine of two cores `TetGen` made 67,000 tetrahedra a second from a finished surface mesh, Netgen
+//! 18,000, fTetWild 10,000, CGAL 14,000 with its slivers removed, Gmsh's HXT 412,000 (after 12 s of remeshing
+//! the surface).
 
 mod common;
 

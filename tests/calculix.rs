@@ -61,8 +61,8 @@ fn bottom_reaction(grain: &TetMesh, band_mm: f64, held: &str) -> Option<[f64; 3]
     Some(reactions(folder.path(), held, ["BOTTOM"])[0])
 }
 
-/// Runs a deck that includes the folder's `grain.inp`, in one linear static step with boundary conditions `held`;
-/// the reactions (N) of node sets.
+/// Runs a deck that includes the folder's `grain.inp`, in one linear static step with boundary conditions
+/// `held`; the reactions (N) of node sets.
 fn reactions<const N: usize>(folder: &Path, held: &str, sets: [&str; N]) -> [[f64; 3]; N] {
     let prints = sets.map(|set| format!("*NODE PRINT, NSET={set}, TOTALS=ONLY\nRF\n")).concat();
     let deck = format!(
@@ -94,7 +94,8 @@ fn a_cube_between_smooth_plates_gives_hookes_force() {
     let grain = cube(4);
     assert_eq!(grain.check(), Ok(()));
     assert!((grain.volume_mm3() - 1.0).abs() < 1e-12);
-    // Free to widen: E A δ / L = 100 GPa · 1 mm² · 0.001. Three nodes of the bottom keep it from sliding and turning.
+    // Free to widen: E A δ / L = 100 GPa · 1 mm² · 0.001. Three nodes of the bottom keep it from sliding and
+    // turning.
     let held = "BOTTOM, 3, 3, 0.\nTOP, 3, 3, -0.001\n1, 1, 2, 0.\n5, 2, 2, 0.\n";
     let Some(reaction) = bottom_reaction(&grain, 0.1, held) else { return };
     assert!((reaction[2] / 100.0 - 1.0).abs() < 1e-5, "{reaction:?}");

@@ -112,7 +112,7 @@ fn what_cannot_be_meshed_is_refused_with_its_name_and_a_remedy() {
     refused(
         at,
         &["mesh", "ball.stl", "--surface-size-mm", "1e-5"],
-        1,
+        2,
         &["tetrahedra", "set surface_size_mm"],
     );
     refused(at, &["mesh", "ball.stl", "--surface-size-mm", "50"], 1, &["ball.stl", "smaller"]);

@@ -3,11 +3,11 @@
 use super::{MeshError, Quality};
 use serde::{Deserialize, Serialize};
 
-/// Lattice spacing over surface size: measured on spheres and grains, the largest circumradius of a surface facet
-/// is 0.62 spacings after smoothing.
+/// Lattice spacing over surface size: measured on spheres and grains, the largest circumradius of a surface
+/// facet is 0.62 spacings after smoothing.
 const SPACING_PER_SIZE: f64 = 1.45;
-/// Cubed lattice spacing over largest tetrahedron: a lattice tetrahedron has a³/12; warping and smoothing stretch
-/// some, measured to a³/6.
+/// Cubed lattice spacing over largest tetrahedron: a lattice tetrahedron has a³/12; warping and smoothing
+/// stretch some, measured to a³/6.
 const CUBES_PER_TET: f64 = 6.0;
 /// Above this a facet angle cannot be promised by this mesher on any body.
 const MOST_FACET_ANGLE_DEG: f64 = 30.0;

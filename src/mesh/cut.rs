@@ -5,8 +5,8 @@ use crate::geometry::{ImplicitBody, Point};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// A cut nearer to a lattice point than this part of a long edge warps the point (Labelle and Shewchuk, table 1,
-/// the pair that bounds the least dihedral angle best).
+/// A cut nearer to a lattice point than this part of a long edge warps the point (Labelle and Shewchuk, table
+/// 1, the pair that bounds the least dihedral angle best).
 const WARP_LONG: f64 = 0.24999;
 /// The same for a short edge.
 const WARP_SHORT: f64 = 0.41189;
@@ -91,8 +91,8 @@ impl Field {
         })
     }
 
-    /// Warps lattice points onto the surface, the nearest first. `kept` points are not warped, and count as inside
-    /// where the surface goes right through them.
+    /// Warps lattice points onto the surface, the nearest first. `kept` points are not warped, and count as
+    /// inside where the surface goes right through them.
     pub(super) fn warp(&self, kept: &[bool]) -> Warped {
         let mut side: Vec<i8> = self
             .values

@@ -1,16 +1,17 @@
 //! The body-centred cubic lattice: cube corners and cube centres.
 //!
-//! Doubled coordinates make both integers: corners have even coordinates, centres odd ones. Two centres that share
-//! a cube face, with one edge of that face, span a tetrahedron; twelve of them, all alike, belong to each cube.
-//! Every tetrahedron has two long edges (length a, opposite each other) and four short ones (a·√3/2).
+//! Doubled coordinates make both integers: corners have even coordinates, centres odd ones. Two centres that
+//! share a cube face, with one edge of that face, span a tetrahedron; twelve of them, all alike, belong to
+//! each cube. Every tetrahedron has two long edges (length a, opposite each other) and four short ones
+//! (a·√3/2).
 
 use super::MeshError;
 use crate::geometry::{Aabb, Point, Vector};
 
 /// The most tetrahedra that a mesh may be expected to have.
 const MOST_TETS: f64 = 2e7;
-/// Shifts of the lattice, one for each attempt, in spacings: the first keeps a centred body's own planes of symmetry
-/// off the lattice points, the later ones are only different.
+/// Shifts of the lattice, one for each attempt, in spacings: the first keeps a centred body's own planes of
+/// symmetry off the lattice points, the later ones are only different.
 const SHIFTS: [[f64; 3]; 5] =
     [[0.137, 0.271, 0.389], [0.61, 0.83, 0.21], [0.29, 0.47, 0.73], [0.91, 0.07, 0.57], [0.43, 0.67, 0.11]];
 
@@ -121,8 +122,8 @@ impl Lattice {
         (0..3).any(|k| c[k] <= 1 || c[k] >= 2 * self.cubes[k] - 1)
     }
 
-    /// Calls `each` with the four points of every tetrahedron whose first centre lies in a layer of cubes; all have
-    /// positive volume.
+    /// Calls `each` with the four points of every tetrahedron whose first centre lies in a layer of cubes;
+    /// all have positive volume.
     pub(super) fn tets_of_layer(&self, layer: i32, mut each: impl FnMut([u32; 4])) {
         // The corners of the face between two centres, counter-clockwise about the direction between them.
         const RING: [[i32; 2]; 4] = [[1, -1], [1, 1], [-1, 1], [-1, -1]];

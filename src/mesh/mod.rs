@@ -2,9 +2,9 @@
 //!
 //! Isosurface stuffing (Labelle and Shewchuk, ACM Trans. Graphics 26(3), 57, 2007): a body-centred cubic
 //! lattice is laid over the body, lattice points close to the surface are warped onto it, and the tetrahedra
-//! that the surface still crosses are cut by a short list of stencils. What the stencils leave is then improved
-//! by smoothing in which surface nodes stay on the surface ([`optimise`](self)). The three controls are
-//! promises: a mesh that breaks one is an error, not a result.
+//! that the surface still crosses are cut by a short list of stencils. What the stencils leave is then
+//! improved by smoothing in which surface nodes stay on the surface ([`optimise`](self)). The three controls
+//! are promises: a mesh that breaks one is an error, not a result.
 
 mod controls;
 mod cut;
@@ -31,20 +31,21 @@ use lattice::Lattice;
 
 /// Attempts with a finer or shifted lattice before a promise is given up.
 const ATTEMPTS: usize = 5;
-/// A least dihedral angle below this is worth another attempt, degrees: almost every lattice gives twice as much,
-/// and one bad tetrahedron costs an explicit simulation its time step.
+/// A least dihedral angle below this is worth another attempt, degrees: almost every lattice gives twice as
+/// much, and one bad tetrahedron costs an explicit simulation its time step.
 const POOR_DIHEDRAL_DEG: f64 = 12.0;
 
 /// Fills a body with tetrahedra.
 ///
 /// Costs about 24 body values for each surface node and one for each lattice point in the body's box, all in
 /// parallel; the same body and controls give the same bytes on any number of threads. Of a body in several
-/// pieces the largest is kept; [`TetMesh::dropped_pieces`] says how many were not. `progress` is called with
-/// the part done, from 0 to 1, never falling.
+/// pieces the largest is kept; [`TetMesh::dropped_pieces`] says how many were not. A mesh that keeps the
+/// controls with a dihedral angle below 12° is tried again on a shifted lattice, and the best is returned.
+/// `progress` is called with the part done, from 0 to 1, never falling.
 ///
 /// # Errors
-/// [`MeshError`]: bad controls, a body that is empty, not finite or larger than its own box, a size that would
-/// need too many tetrahedra, or a control that no attempt could keep.
+/// [`MeshError`]: bad controls, a body that is empty, not finite or larger than its own box, a size that
+/// would need too many tetrahedra, or a control that no attempt could keep.
 pub fn mesh(
     body: &dyn ImplicitBody,
     controls: &Controls,
@@ -55,20 +56,13 @@ pub fn mesh(
     let mut last = None;
     let mut poor: Option<(f64, TetMesh)> = None;
     for attempt in 0..ATTEMPTS {
-        let part = |f: f64| (attempt as f64 + f) / ATTEMPTS as f64;
-        let lattice = Lattice::over(&body.bounds(), spacing, attempt)?;
-        progress(part(0.0));
-        let field = cut::Field::sample(body, lattice)?;
-        progress(part(0.3));
-        let filled = repair::fill(body, &field);
-        if filled.tets.is_empty() {
-            // The few points inside were all warped onto the surface.
-            return Err(MeshError::Empty { spacing_mm: spacing });
-        }
-        progress(part(0.5));
-        let mut mesh = pieces::largest(&filled);
-        optimise::improve(body, controls, spacing, &mut mesh);
-        mesh.check()?;
+        let mut told = |part: f64| progress((attempt as f64 + part) / ATTEMPTS as f64);
+        let mesh = match on_lattice(body, controls, spacing, attempt, &mut told) {
+            Ok(mesh) => mesh,
+            // What an earlier attempt made is good enough.
+            Err(_) if poor.is_some() => break,
+            Err(e) => return Err(e),
+        };
         let quality = mesh.quality();
         if let Some(broken) = controls.broken_by(&quality) {
             spacing *= broken.refinement();
@@ -89,4 +83,28 @@ pub fn mesh(
     }
     // The loop ran, so a promise was broken.
     Err(last.map_or(MeshError::Empty { spacing_mm: spacing }, MeshError::Promise))
+}
+
+/// One attempt: a checked mesh, which may break the controls.
+fn on_lattice(
+    body: &dyn ImplicitBody,
+    controls: &Controls,
+    spacing_mm: f64,
+    attempt: usize,
+    progress: &mut dyn FnMut(f64),
+) -> Result<TetMesh, MeshError> {
+    let lattice = Lattice::over(&body.bounds(), spacing_mm, attempt)?;
+    progress(0.0);
+    let field = cut::Field::sample(body, lattice)?;
+    progress(0.3);
+    let filled = repair::fill(body, &field);
+    if filled.tets.is_empty() {
+        // The few points inside were all warped onto the surface.
+        return Err(MeshError::Empty { spacing_mm });
+    }
+    progress(0.5);
+    let mut mesh = pieces::largest(&filled);
+    optimise::improve(body, controls, spacing_mm, &mut mesh);
+    mesh.check()?;
+    Ok(mesh)
 }

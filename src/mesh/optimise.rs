@@ -1,11 +1,12 @@
 //! Smoothing: nodes move to where their worst tetrahedron or facet gets better.
 //!
-//! A node's score is the worst of its tetrahedra (least sine of a dihedral angle, smallest altitude) and of its facets
-//! (least sine of an angle), each over its target; it is negative where a promised size is broken. A move is accepted only if the
-//! score rises, so no part of the mesh ever gets worse than it was (Freitag and Ollivier-Gooch, Int. J. Numer.
-//! Meth. Engng 40, 1997). Surface nodes move along the surface and are put back onto it. Nodes are coloured so that
-//! two of one colour share no tetrahedron: a colour moves at once, in parallel, with the same result on any number
-//! of threads.
+//! A node's score is the worst of its tetrahedra (least sine of a dihedral angle, smallest altitude) and
+//! of its facets (least sine of an angle), each over its target; a broken promise makes it negative, so
+//! that it comes before every wish. A move is accepted only if the score rises, so no part of the mesh
+//! ever gets worse than it was (Freitag and Ollivier-Gooch, Int. J. Numer. Meth. Engng 40, 1997). Surface
+//! nodes move along the surface and are put back onto it. Nodes are coloured so that two of one colour
+//! share no tetrahedron: a colour moves at once, in parallel, with the same result on any number of
+//! threads.
 
 use super::star::{Star, Targets};
 use super::tetmesh::{boundary, face_nodes};
@@ -16,8 +17,8 @@ use rayon::prelude::*;
 
 /// Passes over all nodes, then over those that are below their target.
 const PASSES: [usize; 2] = [3, 20];
-/// Score from which a node is left alone in the first passes too: a lattice node far from the surface has 2.0, and no
-/// place is better.
+/// Score from which a node is left alone in the first passes too: a lattice node far from the surface has
+/// 2.0, and no place is better.
 const GOOD: f64 = 1.4;
 /// Parts of the way to the neighbours' centre, and lengths of trial steps in lattice spacings.
 const TOWARDS_CENTRE: [f64; 3] = [1.0, 0.5, 0.2];
@@ -218,8 +219,8 @@ impl<'a> Smoother<'a> {
         None
     }
 
-    /// The place on the surface reached from `p` along the normal by the secant method, and the body's value left
-    /// there (absolute, mm).
+    /// The place on the surface reached from `p` along the normal by the secant method, and the body's value
+    /// left there (absolute, mm).
     fn onto_surface(&self, p: Point, normal: Vector) -> (Point, f64) {
         let (mut s0, mut f0) = (0.0, self.body.value(&p));
         if f0.abs() < 1e-5 * self.spacing_mm {

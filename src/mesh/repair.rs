@@ -1,9 +1,9 @@
 //! Cutting until the surface is manifold.
 //!
-//! Where a body is thin, or grazes lattice points, two sheets of its surface can meet in a warped point. Cuts alone
-//! cannot do that: without warped points the surface in each lattice tetrahedron is one triangle or quadrilateral,
-//! and each edge and fan closes. So the warped points at a fault are put back, to be inside or outside, and the
-//! lattice is cut again. Each round puts back at least one point, and few rounds are needed.
+//! Where a body is thin, or grazes lattice points, two sheets of its surface can meet in a warped point. Cuts
+//! alone cannot do that: without warped points the surface in each lattice tetrahedron is one triangle or
+//! quadrilateral, and each edge and fan closes. So the warped points at a fault are put back, to be inside or
+//! outside, and the lattice is cut again. Each round puts back at least one point, and few rounds are needed.
 
 use super::TetMesh;
 use super::cut::Field;
@@ -35,7 +35,8 @@ pub(super) fn fill(body: &dyn ImplicitBody, field: &Field) -> TetMesh {
     unreachable!("a lattice without warped points has a manifold surface")
 }
 
-/// Nodes at which the surface is not manifold: on an edge with other than two triangles, or with several fans.
+/// Nodes at which the surface is not manifold: on an edge with other than two triangles, or with several
+/// fans.
 fn faulty_nodes(tets: &[[u32; 4]], nodes: usize) -> Vec<u32> {
     let triangles: Vec<[u32; 3]> = boundary(tets).into_iter().map(|(t, f)| face_nodes(tets, t, f)).collect();
     let mut faulty = Vec::new();

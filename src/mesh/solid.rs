@@ -6,9 +6,10 @@ use crate::geometry::{Aabb, ImplicitBody, Point, TriangleMesh, Vector};
 /// Triangles in a leaf of the tree.
 const LEAF: usize = 4;
 
-/// The inside of a closed triangle mesh. Its value is the signed distance to the nearest triangle, in mm, found in a
-/// tree of boxes; the sign is that of the angle-weighted pseudonormal at the nearest place (Bærentzen and Aanæs,
-/// IEEE Trans. Vis. Comput. Graph. 11(3), 2005), exact for a surface that does not cut itself.
+/// The inside of a closed triangle mesh. Its value is the signed distance to the nearest triangle, in mm,
+/// found in a tree of boxes; the sign is that of the angle-weighted pseudonormal at the nearest place
+/// (Bærentzen and Aanæs, IEEE Trans. Vis. Comput. Graph. 11(3), 2005), exact for a surface that does not cut
+/// itself.
 #[derive(Debug, Clone)]
 pub struct Solid {
     surface: TriangleMesh,
@@ -22,7 +23,8 @@ pub struct Solid {
     vertex_normals: Vec<Vector>,
 }
 
-/// A box of triangles: a leaf has `order[first..last]`, a branch its children at `first` and `last` in the tree.
+/// A box of triangles: a leaf has `order[first..last]`, a branch its children at `first` and `last` in the
+/// tree.
 #[derive(Debug, Clone, Copy)]
 struct Branch {
     bounds: Aabb,
@@ -84,7 +86,8 @@ impl Solid {
                 }
                 continue;
             }
-            // The nearer child is looked at first. Halving keeps the tree's depth under 32, so the stack holds.
+            // The nearer child is looked at first. Halving keeps the tree's depth under 32, so the stack
+            // holds.
             let [a, b] = [branch.first, branch.last];
             let of = |c: u32| square_distance(&self.tree[c as usize].bounds, p);
             let (near, far) = if of(a) <= of(b) { (a, b) } else { (b, a) };
@@ -112,7 +115,8 @@ impl ImplicitBody for Solid {
     }
 }
 
-/// Adds a branch for a part of the triangles (whose first is `offset` in the whole order); returns its number.
+/// Adds a branch for a part of the triangles (whose first is `offset` in the whole order); returns its
+/// number.
 fn build(tree: &mut Vec<Branch>, boxes: &[Aabb], order: &mut [u32], offset: usize) -> u32 {
     let all = order.iter().map(|&t| boxes[t as usize]);
     let bounds = all.reduce(|a, b| Aabb { min: a.min.inf(&b.min), max: a.max.sup(&b.max) });

@@ -1,8 +1,9 @@
 //! The tetrahedra and facets around one node, gathered once and scored at many trial places of the node.
 //!
-//! What does not change with the node (the opposite faces and edges) is computed once. A trial that cannot beat the
-//! best so far is refused at its first tetrahedron that is too bad; that one is asked first the next time, because
-//! it is likely to refuse again. The score is a minimum, so the order changes the time only, not a bit of the result.
+//! What does not change with the node (the opposite faces and edges) is computed once. A trial that cannot
+//! beat the best so far is refused at its first tetrahedron that is too bad; that one is asked first the next
+//! time, because it is likely to refuse again. The score is a minimum, so the order changes the time only,
+//! not a bit of the result.
 
 use super::{Controls, score};
 use crate::geometry::{Point, Vector};
@@ -19,6 +20,8 @@ const TARGET_ALTITUDE: f64 = 0.28;
 pub(super) struct Targets {
     largest_radius_mm: f64,
     largest_volume_mm3: f64,
+    /// The promised least angle's, a hair above it.
+    promised_sine: f64,
     facet_sine: f64,
     tet_sine: f64,
     altitude_mm: f64,
@@ -29,6 +32,7 @@ impl Targets {
         Self {
             largest_radius_mm: controls.surface_size_mm,
             largest_volume_mm3: controls.tet_volume_mm3,
+            promised_sine: controls.facet_angle_deg.to_radians().sin() * (1.0 + 1e-9),
             facet_sine: (controls.facet_angle_deg + FACET_MARGIN_DEG).to_radians().sin(),
             tet_sine: TARGET_DIHEDRAL_DEG.to_radians().sin(),
             altitude_mm: TARGET_ALTITUDE * spacing_mm,
@@ -101,8 +105,9 @@ impl Star {
         }
     }
 
-    /// The score with the node at `at`: the worst of tetrahedra and facets, each over its target, negative where a
-    /// promised size is broken. −∞ where a tetrahedron would be flat or inside out, or the score below `floor`.
+    /// The score with the node at `at`: the worst of tetrahedra and facets, each over its target, negative
+    /// where a promised size or angle is broken. −∞ where a tetrahedron would be flat or inside out, or the score
+    /// below `floor`.
     pub(super) fn score(&mut self, targets: &Targets, at: Point, floor: f64) -> f64 {
         let (a, b) = if self.tets_first {
             let tets = self.tets_score(targets, at, floor);
@@ -125,7 +130,15 @@ impl Star {
         for [p, q] in &self.facets {
             let (radius, sine) = score::circumradius_and_least_sine(&[at, *p, *q]);
             let excess = radius / targets.largest_radius_mm;
-            least = least.min(if excess > 1.0 { 1.0 - excess } else { sine / targets.facet_sine });
+            // A broken promise comes before everything that is only wished for.
+            let one = if excess > 1.0 {
+                1.0 - excess
+            } else if sine < targets.promised_sine {
+                sine / targets.promised_sine - 1.0
+            } else {
+                sine / targets.facet_sine
+            };
+            least = least.min(one);
             // A facet without area has no radius: not a number, which `min` would pass over.
             if least < floor || radius.is_nan() {
                 self.tets_first = false;
@@ -184,6 +197,20 @@ impl Spoke {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_broken_promise_is_worse_than_any_wish_that_is_not_met() {
+        let controls = Controls { surface_size_mm: 10.0, facet_angle_deg: 15.0, tet_volume_mm3: 10.0 };
+        let targets = Targets::new(&controls, 1.0);
+        let score = |least_angle_deg: f64| {
+            let mut star = Star::default();
+            let up = (0.5 * least_angle_deg).to_radians().tan();
+            star.add_facet([Point::origin(), Point::new(1.0, -up, 0.0), Point::new(1.0, up, 0.0)], 0);
+            star.score(&targets, Point::origin(), f64::NEG_INFINITY)
+        };
+        assert!(score(14.9) < 0.0 && score(10.0) < score(14.9));
+        assert!(score(15.1) > 0.8 && score(15.1) < 1.0 && score(18.1) > 1.0);
+    }
 
     #[test]
     fn a_score_is_the_same_from_every_node_of_a_tetrahedron_and_is_its_least_part() {

@@ -8,9 +8,9 @@
 //!     2     0     2        a wedge between two cut triangles at the inside points: 3 tetrahedra
 //!     3     0     1        a wedge between the inside triangle and the cut triangle: 3 tetrahedra
 //! ```
-//! A quadrilateral in a lattice face is seen by two lattice tetrahedra, which must choose the same diagonal: it
-//! starts at the inside point of lower [rank](Stencil::rank), the deeper one. A rank orders all points, so the
-//! diagonals of a wedge never turn in a circle, which is what would make it impossible to fill.
+//! A quadrilateral in a lattice face is seen by two lattice tetrahedra, which must choose the same diagonal:
+//! it starts at the inside point of lower [rank](Stencil::rank), the deeper one. A rank orders all points, so
+//! the diagonals of a wedge never turn in a circle, which is what would make it impossible to fill.
 
 use super::cut::{Field, Warped};
 use crate::geometry::{ImplicitBody, Point};
@@ -97,7 +97,8 @@ impl Stencil<'_> {
         }
         let a = [p, self.cut_node(p, m), self.cut_node(p, n)];
         let b = [q, self.cut_node(q, m), self.cut_node(q, n)];
-        // The diagonals from p are set; the one of the surface quadrilateral is free, and the shorter is taken.
+        // The diagonals from p are set; the one of the surface quadrilateral is free, and the shorter is
+        // taken.
         let length = |i: usize, j: usize| (self.place(a[i]) - self.place(b[j])).norm_squared();
         if length(1, 2) <= length(2, 1) {
             wedge(a, b, [0, 1, 2], out);
@@ -135,8 +136,8 @@ impl Stencil<'_> {
     }
 }
 
-/// Fills the wedge between triangles `a` and `b`, with a0, a1, a2, b0 positive. The diagonals run from `a` to `b`,
-/// always from the earlier to the later corner in `order`.
+/// Fills the wedge between triangles `a` and `b`, with a0, a1, a2, b0 positive. The diagonals run from `a` to
+/// `b`, always from the earlier to the later corner in `order`.
 fn wedge(a: [u32; 3], b: [u32; 3], order: [usize; 3], out: &mut Vec<[u32; 4]>) {
     let [i, j, k] = order;
     let even = (j + 3 - i) % 3 == 1;

@@ -4,8 +4,8 @@ use super::score;
 use crate::geometry::{MeshFault, Point, TriangleMesh};
 use rayon::prelude::*;
 
-/// The faces of a tetrahedron as places in its list of nodes, counter-clockwise seen from outside, in the order of
-/// Abaqus' and `CalculiX`' S1 to S4.
+/// The faces of a tetrahedron as places in its list of nodes, counter-clockwise seen from outside, in the
+/// order of Abaqus' and `CalculiX`' S1 to S4.
 pub const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
 
 /// A body of four-node tetrahedra.

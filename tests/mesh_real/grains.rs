@@ -31,7 +31,8 @@ fn every_grain_is_meshed_under_the_default_controls() {
         let made = mesh(&solid, &controls, &mut |_| ()).unwrap();
         assert_good(&made, &controls, &name);
         assert_eq!(made.dropped_pieces, 0, "{name}");
-        // Facets are chords of the curved surface: what they cut off is 0.28 % on a ball, to 0.39 % on a rough grain.
+        // Facets are chords of the curved surface: what they cut off is 0.28 % on a ball, to 0.39 % on a
+        // rough grain.
         let excess = made.volume_mm3() / volume - 1.0;
         assert!(excess.abs() < 0.006, "{name}: {excess}");
         // 55 000 tetrahedra or so, whatever the shape and the unit.
