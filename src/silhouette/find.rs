@@ -118,12 +118,17 @@ fn look(
         Classes::Auto => histogram.quiet(clear, two.threshold).map_or(two.threshold, |q| q.threshold),
         Classes::Two => two.threshold,
     };
-    let smooth = plane.smoothed();
+    let mut smooth = plane.smoothed();
     let limit = (threshold * f64::from(super::plane::PER_LEVEL)).clamp(-32_000.0, 32_000.0) as i16;
-    let bits = smooth.iter().map(|&v| u8::from(v > limit)).collect();
-    let mut occupied = Mask { width: plane.width, height: plane.height, bits };
+    let above = |values: &[i16]| values.iter().map(|&v| u8::from(v > limit)).collect();
+    let mut occupied = Mask { width: plane.width, height: plane.height, bits: above(&smooth) };
     let stands = settings.pedestal == PedestalMode::Auto && plane.rect.y1 == frame.y1;
     let pedestal = if stands { pedestal::find(&occupied, &plane, noise) } else { None };
+    if let Some(pedestal) = &pedestal {
+        pedestal::unmix(&mut plane, pedestal);
+        smooth = pedestal::smoothed(&plane, pedestal);
+        occupied.bits = above(&smooth);
+    }
     let mut grain = occupied.clone();
     if let Some(pedestal) = &pedestal {
         clear_below(&mut grain, pedestal);

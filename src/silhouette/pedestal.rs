@@ -2,7 +2,7 @@
 
 use super::backdrop::median;
 use super::mask::Mask;
-use super::plane::Plane;
+use super::plane::{PER_LEVEL, Plane};
 
 /// A side may lie this far off its line, pixels.
 const SIDE_TOLERANCE: f64 = 2.0;
@@ -45,6 +45,10 @@ pub(super) struct Pedestal {
     pub right: [f64; 2],
     /// Whether the top itself was seen; else it is taken where the sides end.
     pub top_seen: bool,
+    /// Its grey level, away from the background.
+    pub level: f64,
+    /// Standard deviation of the blur of its sides, pixels.
+    pub blur: f64,
 }
 
 impl Pedestal {
@@ -77,14 +81,15 @@ impl Pedestal {
 pub(super) fn find(mask: &Mask, plane: &Plane, noise: f64) -> Option<Pedestal> {
     let rows = sides_upwards(mask)?;
     let (left, right, top) = straight_sides(&rows, mask.height)?;
-    let rough = Pedestal { top: [top, 0.0], left, right, top_seen: false };
+    let rough = Pedestal { top: [top, 0.0], left, right, top_seen: false, level: 0.0, blur: 0.0 };
     let (centre, half) = rough.centre();
     let (height, width) = ((mask.height as f64 - 0.5) - top, 2.0 * half);
     if width < LEAST_WIDTH || height < LEAST_HEIGHT.0.max(LEAST_HEIGHT.1 * width) {
         return None;
     }
     let pedestal_level = level(plane, centre, half, top)?;
-    let mut found = sharpen_sides(plane, rough, pedestal_level);
+    let mut found = Pedestal { level: pedestal_level, ..sharpen_sides(plane, rough, pedestal_level) };
+    found.blur = blur(plane, &found);
     // The top is square to the sides.
     let lean = (height >= LONG_SIDES * width).then(|| -0.5 * (found.left[1] + found.right[1]));
     if let Some(top) = level_top(plane, &rough, pedestal_level, noise, lean) {
@@ -239,7 +244,10 @@ fn edge(plane: &Plane, x: usize, middle: usize, least: f64) -> Option<f64> {
         return None;
     }
     let below = mean(low_end..(low_end + AVERAGED).min(plane.height));
-    let above = mean(high_end..high_end + AVERAGED);
+    let far = mean(high_end..high_end + AVERAGED);
+    // Where a gap shows between pedestal and grain, what is next to the pedestal is the gap, not the grain.
+    let gap = (high_end..low_end).map(|y| mean(y..y + 2)).fold(f64::INFINITY, f64::min);
+    let above = if gap < far.min(below) - least { gap } else { far };
     if (below - above).abs() < least {
         return None;
     }
@@ -273,6 +281,71 @@ fn sharpen_sides(plane: &Plane, rough: Pedestal, body: f64) -> Pedestal {
         if points.len() < 4 { line } else { fit_line(&points).unwrap_or(line) }
     };
     Pedestal { left: side(rough.left, -1), right: side(rough.right, 1), ..rough }
+}
+
+/// Standard deviation of the sides' blur, pixels: a normal distribution's quartiles lie 1.349 of them apart.
+fn blur(plane: &Plane, pedestal: &Pedestal) -> f64 {
+    let first = pedestal.top_at(pedestal.centre().0).max(0.0) as usize + STAND_OFF;
+    let mut widths: Vec<f64> = Vec::new();
+    for y in first..plane.height {
+        for (column, outwards) in pedestal.sides_at(y as f64).into_iter().zip([-1.0, 1.0]) {
+            // How far the grey value takes from three quarters to one quarter.
+            let at = |k: usize| {
+                let x = (column + outwards * (0.5 * k as f64 - 6.0)).round().max(0.0) as usize;
+                f64::from(plane.at(x.min(plane.width - 1), y)) / pedestal.level
+            };
+            let within = (0..=24).filter(|&k| (0.25..0.75).contains(&at(k))).count();
+            widths.push(0.5 * within as f64);
+        }
+    }
+    if widths.is_empty() { 0.0 } else { widths.iter().sum::<f64>() / widths.len() as f64 / 1.349 }
+}
+
+/// Takes the pedestal's blurred light off what is above its top, so that a narrow gap between it and the grain
+/// stays a gap: there a pixel is a mixture of the pedestal and of what it would be without it.
+pub(super) fn unmix(plane: &mut Plane, pedestal: &Pedestal) {
+    let sd = pedestal.blur.max(0.3);
+    for y in 0..plane.height {
+        let [l, r] = pedestal.sides_at(y as f64);
+        for x in (l - 3.0 * sd).max(0.0) as usize..((r + 3.0 * sd).max(0.0) as usize).min(plane.width) {
+            let above = pedestal.top_at(x as f64) - y as f64;
+            if above <= 0.0 || above > 4.0 * sd {
+                continue;
+            }
+            let between = normal((x as f64 - l) / sd) * normal((r - x as f64) / sd);
+            let share = (1.0 - normal(above / sd)) * between;
+            let value = &mut plane.values[y * plane.width + x];
+            let mixed = f64::from(*value);
+            *value = ((mixed - share * pedestal.level * f64::from(PER_LEVEL)) / (1.0 - share)) as i16;
+        }
+    }
+}
+
+/// The plane's smoothed values; in the last row above the top, those of the row alone: the pedestal stays out of it.
+pub(super) fn smoothed(plane: &Plane, pedestal: &Pedestal) -> Vec<i16> {
+    let mut smooth = plane.smoothed();
+    let w = plane.width;
+    for (x, y) in (0..w).filter_map(|x| {
+        let last = (pedestal.top_at(x as f64) - 1e-9).floor();
+        (last >= 0.0 && last < plane.height as f64).then_some((x, last as usize))
+    }) {
+        if pedestal.below_top(x as f64, y as f64).is_some() {
+            let at = |x: usize| i32::from(plane.values[y * w + x]);
+            smooth[y * w + x] =
+                ((at(x.saturating_sub(1)) + 2 * at(x) + at((x + 1).min(w - 1)) + 2) >> 2) as i16;
+        }
+    }
+    smooth
+}
+
+/// The normal distribution function, to 8·10⁻⁸ (Abramowitz and Stegun 1964, 26.2.17).
+fn normal(x: f64) -> f64 {
+    let t = 1.0 / (1.0 + 0.231_641_9 * x.abs());
+    let tail = (-0.5 * x * x).exp() / std::f64::consts::TAU.sqrt()
+        * t
+        * (0.319_381_53
+            + t * (-0.356_563_782 + t * (1.781_477_937 + t * (-1.821_255_978 + t * 1.330_274_429))));
+    if x < 0.0 { tail } else { 1.0 - tail }
 }
 
 /// Least squares through `(x, y)`: value at 0 and slope.
