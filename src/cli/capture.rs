@@ -87,21 +87,16 @@ pub(super) fn report(common: &Common, done: &Finished) -> Result<()> {
 /// The result in words, a line for each figure.
 pub(super) fn summary(done: &Finished) -> String {
     let r = &done.result;
-    let figure =
-        |x: Option<f64>, unit: &str| x.map_or_else(|| "not metric".into(), |x| format!("{x:.5} {unit}"));
     let mut lines = vec![
         format!("session    {}", done.folder.display()),
-        format!(
-            "hull       {} from {} views (an upper bound of the grain)",
-            figure(r.hull.volume_mm3, "mm³"),
-            r.views
-        ),
-        format!(
-            "           {} by voxels of {}",
-            figure(r.hull.voxel_volume_mm3, "mm³"),
-            figure(r.hull.voxel_mm, "mm")
-        ),
-        format!("           surface {}", figure(r.hull.surface_area_mm2, "mm²")),
+        match (r.hull.volume_mm3, r.hull.voxel_volume_mm3, r.hull.voxel_mm, r.hull.surface_area_mm2) {
+            (Some(volume), Some(counted), Some(edge), Some(area)) => format!(
+                "hull       {volume:.5} mm³ from {} views (an upper bound of the grain)\n           \
+                 {counted:.5} mm³ by counting voxels of {edge:.5} mm; surface {area:.5} mm²",
+                r.views
+            ),
+            _ => format!("hull       from {} views; no volume, the cameras have no unit of length", r.views),
+        },
         format!(
             "           silhouettes filled: IoU {:.4} in the mean, {:.4} in the worst view",
             r.hull.silhouette_iou.mean, r.hull.silhouette_iou.min
@@ -111,8 +106,8 @@ pub(super) fn summary(done: &Finished) -> String {
             r.mesh.nodes, r.mesh.triangles, r.mesh.tetrahedra
         ),
         format!(
-            "           {}; dihedral angles {:.1}° to {:.1}° (1 %: {:.1}°), facet angles from {:.1}°",
-            figure(r.mesh.volume_mm3, "mm³"),
+            "           {}dihedral angles {:.1}° to {:.1}° (1 %: {:.1}°), facet angles from {:.1}°",
+            r.mesh.volume_mm3.map_or_else(String::new, |v| format!("{v:.5} mm³; ")),
             r.mesh.dihedral_deg.min,
             r.mesh.dihedral_deg.max,
             r.mesh.dihedral_deg.p01,

@@ -3,7 +3,7 @@
 use super::{Channel, SilhouetteError};
 use serde::{Deserialize, Serialize};
 
-/// Settings of [`find`](super::find).
+/// Settings of [`find`](super::find()).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
