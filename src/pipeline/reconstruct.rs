@@ -1,6 +1,6 @@
 //! All views are in: axis, cameras, hull, mesh.
 
-use super::result::{AxisResult, HullResult, MeshResult, Timing, ViewResult};
+use super::result::{AxisResult, HullResult, MeshResult, ResultFile, Timing, ViewResult};
 use super::{Cameras, LengthUnit, Observer, PipelineError, Settings, TurntableSettings};
 use crate::calibrate::{Axis, AxisMethod, Turntable, find_axis};
 use crate::geometry::{Angle, Projection};
@@ -8,6 +8,7 @@ use crate::hull::{Cone, HullGrid, VisualHull, find_bounds, silhouette_iou};
 use crate::mesh::{Controls, TetMesh, mesh};
 use crate::session::event::{Happening, Role};
 use crate::silhouette::{Found, Silhouette};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -52,6 +53,31 @@ pub struct Reconstruction {
     pub timing_s: Timing,
     /// What a person should know.
     pub warnings: Vec<String>,
+}
+
+impl Reconstruction {
+    /// The result, with the products' places and the timing to state.
+    pub fn result_file(
+        &self,
+        software: &str,
+        session: &str,
+        products: BTreeMap<String, String>,
+        timing_s: serde_json::Value,
+    ) -> ResultFile {
+        ResultFile {
+            software: software.into(),
+            session: session.into(),
+            views: self.views.len(),
+            scale_mm_per_px: self.scale_mm_per_px,
+            axis: self.axis,
+            hull: self.hull,
+            mesh: self.mesh,
+            products,
+            timing_s,
+            warnings: self.warnings.clone(),
+            view_details: self.views.clone(),
+        }
+    }
 }
 
 /// The camera before the axis is measured: the given axis, else the pedestal's middle, else the outline's.
@@ -136,7 +162,12 @@ pub(super) fn reconstruct(
     let views: Vec<ViewResult> = (taken.iter())
         .filter(|t| t.role == Role::Grain)
         .zip(&ious)
-        .map(|(t, iou)| ViewResult::new(t, *iou))
+        .map(|(t, iou)| ViewResult {
+            index: t.index,
+            angle_deg: t.angle.deg(),
+            iou: *iou,
+            silhouette: t.found.report.clone(),
+        })
         .collect();
     Ok(Reconstruction {
         hull: HullResult::new(&measures, &voxels, &ious, metric),

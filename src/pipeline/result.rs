@@ -1,7 +1,5 @@
 //! What `result.json` says: every figure with its unit in its name.
 
-use super::Reconstruction;
-use super::reconstruct::Taken;
 use crate::calibrate::AxisMethod;
 use crate::geometry::Aabb;
 use crate::hull::{Measures, VoxelCount};
@@ -38,31 +36,6 @@ pub struct ResultFile {
     pub view_details: Vec<ViewResult>,
 }
 
-impl Reconstruction {
-    /// The result, with the products' places and the timing to state.
-    pub fn result_file(
-        &self,
-        software: &str,
-        session: &str,
-        products: BTreeMap<String, String>,
-        timing_s: serde_json::Value,
-    ) -> ResultFile {
-        ResultFile {
-            software: software.into(),
-            session: session.into(),
-            views: self.views.len(),
-            scale_mm_per_px: self.scale_mm_per_px,
-            axis: self.axis,
-            hull: self.hull,
-            mesh: self.mesh,
-            products,
-            timing_s,
-            warnings: self.warnings.clone(),
-            view_details: self.views.clone(),
-        }
-    }
-}
-
 /// The rotation axis in the picture.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct AxisResult {
@@ -89,12 +62,6 @@ pub struct ViewResult {
     pub iou: f64,
     /// How the silhouette was found.
     pub silhouette: Report,
-}
-
-impl ViewResult {
-    pub(super) fn new(t: &Taken, iou: f64) -> Self {
-        Self { index: t.index, angle_deg: t.angle.deg(), iou, silhouette: t.found.report.clone() }
-    }
 }
 
 /// The visual hull: an upper bound of the grain.

@@ -7,6 +7,7 @@ use crate::geometry::{Aabb, Angle, Point};
 use crate::hull::{Cone, HullGrid};
 use crate::session::event::{Happening, Role};
 use crate::silhouette::{self, Picture};
+use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -18,6 +19,9 @@ const WAITING_RESULTS: usize = 2;
 
 /// Told of what happens, from any thread.
 pub type Observer<'a> = dyn Fn(Happening) + Sync + 'a;
+
+/// A view's place in the order of arrival, its index, and what became of it.
+type Outcome = (usize, usize, Result<Taken, PipelineError>);
 
 /// One view on its way in.
 #[derive(Debug, Clone)]
@@ -68,7 +72,7 @@ impl Pipeline {
 
     fn take(&self, views: Receiver<View>, observer: &Observer) -> Result<Vec<Taken>, PipelineError> {
         let workers = std::thread::available_parallelism().map_or(1, std::num::NonZero::get).min(4);
-        let views = Mutex::new(views);
+        let views = Mutex::new((0, views));
         std::thread::scope(|scope| {
             let (send, receive) = sync_channel(WAITING_RESULTS);
             for _ in 0..workers {
@@ -78,44 +82,64 @@ impl Pipeline {
             drop(send);
             let mut live = Live::default();
             let mut taken: Vec<Taken> = Vec::new();
-            for (view, one) in receive {
-                let one = one.inspect_err(|error| {
-                    // Said at once: the run goes on, and ends with this error.
-                    let warnings = vec![error.to_string()];
-                    observer(Happening::Silhouette { view, area_px: 0.0, warnings });
-                })?;
-                let picture = one.found.silhouette.picture;
-                if let Some(first) = taken.first().map(|t| t.found.silhouette.picture)
-                    && first != picture
-                {
-                    return Err(PipelineError::Size {
-                        view: one.index,
-                        width: picture[0],
-                        height: picture[1],
-                        expected_width: first[0],
-                        expected_height: first[1],
-                    });
+            // In the order in which the views came, whoever is done first: what is told is the same each time.
+            let mut early = BTreeMap::new();
+            for (place, view, one) in receive {
+                early.insert(place, (view, one));
+                while let Some((view, one)) = early.remove(&taken.len()) {
+                    let one = one.inspect_err(|error| {
+                        // Said at once: the run goes on, and ends with this error.
+                        let warnings = vec![error.to_string()];
+                        observer(Happening::Silhouette { view, area_px: 0.0, warnings });
+                    })?;
+                    self.accept(one, &mut taken, &mut live, observer)?;
                 }
-                observer(Happening::Silhouette {
-                    view: one.index,
-                    area_px: one.found.report.area_px,
-                    warnings: one.found.report.warnings.clone(),
-                });
-                if one.role == Role::Grain {
-                    live.add(&self.cameras, &one, observer)?;
-                }
-                taken.push(one);
             }
             Ok(taken)
         })
     }
 
+    /// Takes one more view's outline: into the live hull, and to those that wait for all of them.
+    fn accept(
+        &self,
+        one: Taken,
+        taken: &mut Vec<Taken>,
+        live: &mut Live,
+        observer: &Observer,
+    ) -> Result<(), PipelineError> {
+        let picture = one.found.silhouette.picture;
+        if let Some(first) = taken.first().map(|t| t.found.silhouette.picture)
+            && first != picture
+        {
+            return Err(PipelineError::Size {
+                view: one.index,
+                width: picture[0],
+                height: picture[1],
+                expected_width: first[0],
+                expected_height: first[1],
+            });
+        }
+        observer(Happening::Silhouette {
+            view: one.index,
+            area_px: one.found.report.area_px,
+            warnings: one.found.report.warnings.clone(),
+        });
+        if one.role == Role::Grain {
+            live.add(&self.cameras, &one, observer)?;
+        }
+        taken.push(one);
+        Ok(())
+    }
+
     /// Decodes and cuts out views until there are none, or nobody wants the results.
-    fn work(&self, views: &Mutex<Receiver<View>>, send: &SyncSender<(usize, Result<Taken, PipelineError>)>) {
+    fn work(&self, views: &Mutex<(usize, Receiver<View>)>, send: &SyncSender<Outcome>) {
         loop {
-            let next = views.lock().unwrap_or_else(PoisonError::into_inner).recv();
-            let Ok(view) = next else { return };
-            if send.send((view.index, self.cut_out(&view))).is_err() {
+            let mut queue = views.lock().unwrap_or_else(PoisonError::into_inner);
+            let Ok(view) = queue.1.recv() else { return };
+            let place = queue.0;
+            queue.0 += 1;
+            drop(queue);
+            if send.send((place, view.index, self.cut_out(&view))).is_err() {
                 return;
             }
         }

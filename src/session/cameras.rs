@@ -6,7 +6,7 @@
 //! line of headings is allowed.
 
 use super::SessionError;
-use super::import::few;
+use super::name::few;
 use super::picture::Size;
 use crate::geometry::{Point, Projection};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3x4, Vector3};

@@ -5,6 +5,7 @@
 use super::disk::{check_space, sha256_hex};
 use super::event::{Happening, Role};
 use super::manifest::{ArchivedFile, Manifest, Origin, Plan, PlannedView, required_bytes};
+use super::name::few;
 use super::picture::{FILE_LIMIT, PictureFault, Size, decode_check};
 use super::{Session, SessionError, Store, cameras};
 use crate::geometry::{Angle, Projection};
@@ -222,16 +223,6 @@ fn matching(request: &ImportRequest) -> Result<Vec<(String, PathBuf)>, SessionEr
         return Err(SessionError::NoMatch { folder, pattern, there });
     }
     Ok(found.into_iter().map(|n| (n.clone(), folder.join(n))).collect())
-}
-
-/// The first few of many names, for a message.
-pub(super) fn few<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
-    let mut names = names.into_iter();
-    let mut text = names.by_ref().take(5).collect::<Vec<_>>().join(", ");
-    if names.next().is_some() {
-        text.push_str(", …");
-    }
-    text
 }
 
 fn plan(request: &ImportRequest, images: usize) -> Result<Plan, SessionError> {

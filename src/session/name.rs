@@ -26,6 +26,16 @@ pub fn check_name(kind: &'static str, name: &str) -> Result<(), SessionError> {
     Err(SessionError::Name { kind, value: name.chars().take(80).collect(), limit })
 }
 
+/// The first few of many names, for a message.
+pub(super) fn few<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+    let mut names = names.into_iter();
+    let mut text = names.by_ref().take(5).collect::<Vec<_>>().join(", ");
+    if names.next().is_some() {
+        text.push_str(", …");
+    }
+    text
+}
+
 #[cfg(test)]
 mod tests {
     use super::check_name;
