@@ -149,3 +149,13 @@ fn a_sphere_of_1000_um_at_5_um_a_pixel_has_its_volume_at_25_views() {
     assert!((0.94..0.955).contains(&four), "{four}");
     assert!((0.995..1.005).contains(&twenty_five), "{twenty_five}");
 }
+
+#[test]
+fn a_grain_that_slips_on_its_pedestal_is_told() {
+    let lab = Lab::new();
+    let slip = "[simulated.faults]\nslip = { at = 13, deg = 20.0 }\n";
+    lab.write("rig.toml", format!("{SMALL}{slip}"));
+    let result = lab.run(&["--config", "rig.toml", "--json", "capture", "grain"]).succeeds().json();
+    let warnings = result["warnings"].to_string();
+    assert!(warnings.contains("slipped"), "{warnings}");
+}

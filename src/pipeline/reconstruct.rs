@@ -15,6 +15,12 @@ use std::time::Instant;
 /// The finest default grid: cells along the hull's longest edge.
 const MOST_DEFAULT_CELLS: f64 = 400.0;
 
+/// Silhouettes of one rigid body that is seen by the right cameras agree better than this.
+const LEAST_AGREEMENT: f64 = 0.95;
+
+/// Outlines half a turn apart mirror each other to this share of the grain's size; perspective costs the most of it.
+const MIRROR_TOLERANCE: f64 = 0.01;
+
 /// A view that has been cut out.
 #[derive(Debug, Clone)]
 pub struct Taken {
@@ -152,13 +158,6 @@ pub(super) fn reconstruct(
         warnings
             .push("the cameras have no unit of length: shapes only, no volumes or lengths are stated".into());
     }
-    if tetrahedra.dropped_pieces > 0 {
-        warnings.push(format!(
-            "the hull has {} more piece(s) than the largest, which alone is meshed; look for dust in the views",
-            tetrahedra.dropped_pieces
-        ));
-    }
-    let silhouette_s = taken.iter().map(|t| t.seconds).sum::<f64>();
     let views: Vec<ViewResult> = (taken.iter())
         .filter(|t| t.role == Role::Grain)
         .zip(&ious)
@@ -169,6 +168,21 @@ pub(super) fn reconstruct(
             silhouette: t.found.report.clone(),
         })
         .collect();
+    let worst = views.iter().min_by(|a, b| a.iou.total_cmp(&b.iou));
+    if let Some(view) = worst.filter(|v| v.iou < LEAST_AGREEMENT) {
+        warnings.push(format!(
+            "the hull, seen again, fills the silhouette of view {} only to {:.3} (intersection over union, {} is usual): \
+             check that view, the angles, the camera's distance and whether the grain has slipped",
+            view.index, view.iou, LEAST_AGREEMENT
+        ));
+    }
+    if tetrahedra.dropped_pieces > 0 {
+        warnings.push(format!(
+            "the hull has {} more piece(s) than the largest, which alone is meshed; look for dust in the views",
+            tetrahedra.dropped_pieces
+        ));
+    }
+    let silhouette_s = taken.iter().map(|t| t.seconds).sum::<f64>();
     Ok(Reconstruction {
         hull: HullResult::new(&measures, &voxels, &ious, metric),
         mesh: MeshResult::new(&tetrahedra, &controls, metric),
@@ -225,6 +239,15 @@ fn cameras_of(
         },
         None => find_axis(&taken.iter().map(|t| (turned(t), &*t.silhouette)).collect::<Vec<_>>())?,
     };
+    let size_px = first.silhouette.size.into_iter().max().unwrap_or(1) as f64;
+    if axis.method == AxisMethod::Mirror && axis.residual_px > MIRROR_TOLERANCE * size_px {
+        warnings.push(format!(
+            "views half a turn apart mirror each other only to {:.1} px, {:.1} px is usual at this size: check whether \
+             the grain has slipped or the motor has lost steps",
+            axis.residual_px,
+            MIRROR_TOLERANCE * size_px
+        ));
+    }
     camera.roll_rad = table.roll_deg.map_or(axis.roll_rad, f64::to_radians);
     camera.axis_column_px = axis.column_px + camera.roll_rad.tan() * (camera.origin_row_px - axis.row_px);
     let result = AxisResult {
