@@ -8,7 +8,9 @@ FEATURES := --features gphoto2,v4l
 BIN := target/release/grainrig
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 APT := $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get -qq -o Dpkg::Use-Pty=0
-CHROMIUM = $(firstword $(shell command -v chromium chromium-browser google-chrome 2>/dev/null))
+# The first browser that starts: Ubuntu's package is a snap, which does not everywhere.
+FIND_BROWSER := (for b in chromium chromium-browser google-chrome; do \
+	$$b --version >/dev/null 2>&1 && command -v $$b && exit; done; exit 1)
 
 all:
 	$(CARGO) build --release $(FEATURES)
@@ -25,13 +27,14 @@ run: all
 # Everything: units, properties, real data where it is, the real program with faults injected, CalculiX, a browser.
 test: tools
 	$(CARGO) test $(FEATURES)
-	cd web && GRAINRIG_BIN=$(CURDIR)/target/debug/grainrig CHROMIUM=$(CHROMIUM) npm test
+	cd web && GRAINRIG_BIN=$(CURDIR)/target/debug/grainrig CHROMIUM="$$( $(FIND_BROWSER) )" npm test
 
 # What the tests need beside Rust and Node: CalculiX reads the decks, a browser opens the monitor.
 tools:
 	@command -v ccx >/dev/null || { echo 'installing calculix-ccx'; $(APT) update && $(APT) install -y calculix-ccx; }
-	@[ -n "$(CHROMIUM)" ] || { echo 'installing chromium'; $(APT) update && $(APT) install -y chromium; }
 	@[ web/node_modules/.package-lock.json -nt web/package-lock.json ] || (cd web && npm ci --no-audit --no-fund)
+	@$(FIND_BROWSER) >/dev/null || { echo 'installing chromium'; $(APT) update && $(APT) install -y chromium || true; }
+	@$(FIND_BROWSER) >/dev/null || (cd web && npx playwright-core install --with-deps chromium-headless-shell)
 
 # Style, lints, documentation, licences; known vulnerabilities where the database can be reached.
 check:
