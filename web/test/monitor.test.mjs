@@ -7,13 +7,23 @@
 
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
+import { existsSync } from "node:fs";
 import { mkdtemp, rm } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { createInterface } from "node:readline";
 import test from "node:test";
 
-import { chromium } from "playwright-core";
+const chromium = await import("playwright-core").then((module) => module.chromium, () => null);
+const executablePath = process.env.CHROMIUM || chromium?.executablePath();
+
+/** What is missing for a test in a browser; false where nothing is. */
+function missing() {
+  if (!process.env.GRAINRIG_BIN) return "skipped: GRAINRIG_BIN names no program";
+  if (!chromium) return "skipped: playwright-core is not installed (npm ci)";
+  if (!executablePath || !existsSync(executablePath)) return "skipped: no browser is installed (make tools)";
+  return false;
+}
 
 const FLAGS = [
   "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking", "--disable-component-update",
@@ -44,7 +54,8 @@ async function daemon(binary, data) {
   return { child, url: /** @type {string} */ (url) };
 }
 
-test("a run is started in the browser and watched to its end", { skip: !process.env.GRAINRIG_BIN }, async (t) => {
+test("a run is started in the browser and watched to its end", { skip: missing() }, async (t) => {
+  assert.ok(chromium);
   const data = await mkdtemp(join(tmpdir(), "grainrig-monitor-"));
   t.after(() => rm(data, { recursive: true, force: true }));
   const { child, url } = await daemon(/** @type {string} */ (process.env.GRAINRIG_BIN), data);
@@ -52,7 +63,7 @@ test("a run is started in the browser and watched to its end", { skip: !process.
     const ended = new Promise((resolve) => child.once("exit", resolve));
     if (child.exitCode === null && child.kill("SIGTERM")) await ended;
   });
-  const browser = await chromium.launch({ executablePath: process.env.CHROMIUM || undefined, args: FLAGS });
+  const browser = await chromium.launch({ executablePath, args: FLAGS });
   t.after(() => browser.close());
   const page = await browser.newPage({ viewport: { width: 1280, height: 900 } });
   const complaints = /** @type {string[]} */ ([]);
