@@ -9,6 +9,7 @@ use crate::export::{inp, stl, vtu};
 use crate::geometry::ImplicitBody as _;
 use crate::mesh::{Solid, mesh};
 use crate::pipeline::MeshResult;
+use crate::session::write_whole;
 use anyhow::{Context as _, Result};
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -155,21 +156,11 @@ fn outputs(arguments: &Arguments) -> Result<Vec<PathBuf>> {
     Ok(asked)
 }
 
-/// Writes a file, which appears whole or not at all: under a temporary name beside it first.
+/// Writes a file, which appears whole or not at all.
 fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    use std::io::Write as _;
-    let mut name = std::ffi::OsString::from(".");
-    name.push(path.file_name().unwrap_or_default());
-    name.push(".part");
-    let part = path.with_file_name(name);
-    let written = std::fs::File::create(&part)
-        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
-        .and_then(|()| std::fs::rename(&part, path));
-    written.with_context(|| {
-        // What is left of it helps nobody; that it cannot be removed adds nothing to the error.
-        let _ = std::fs::remove_file(&part);
-        format!("cannot write {}; check its folder and the disk's free space", path.display())
-    })
+    let folder = path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    write_whole(folder, &name, bytes).map(|_| ()).with_context(|| format!("cannot write {}", path.display()))
 }
 
 /// The ending of a file's name, in small letters.

@@ -20,7 +20,7 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         print_json(&report)?;
     }
     let faults = report.faults.len();
-    if faults == 0 {
+    if report.is_sound() {
         if common.json {
             return Ok(());
         }

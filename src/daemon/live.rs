@@ -10,8 +10,9 @@ use crate::acquire::{self, Control, Outcome, SessionSink, SystemClock};
 use crate::config::{Config, ConfigError, ServeSettings};
 use crate::geometry::Angle;
 use crate::pipeline::{Cameras, MeshSettings, View};
+use crate::rig::simulated::TruthHandle;
 use crate::session::replay::replay;
-use crate::session::{Manifest, Origin, Session, State, Store, check_space, required_bytes};
+use crate::session::{Manifest, Origin, Session, State, Store, check_space, required_bytes, write_whole};
 use std::path::Path;
 use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, Mutex};
@@ -40,8 +41,15 @@ pub fn capture(
     begin(data, name, config)?.run(truth, control, watcher)
 }
 
-fn no_truth(folder: &Path, source: std::io::Error) -> DaemonError {
-    DaemonError::Truth { path: folder.into(), source }
+fn no_truth(folder: &Path, reason: impl std::fmt::Display) -> DaemonError {
+    DaemonError::Truth { path: folder.into(), reason: reason.to_string() }
+}
+
+fn write_truth(handle: &TruthHandle, folder: &Path) -> Result<(), DaemonError> {
+    for (name, bytes) in handle.files()? {
+        write_whole(folder, name, &bytes).map_err(|e| no_truth(folder, e))?;
+    }
+    Ok(())
 }
 
 /// A run whose rig is open and whose session exists: nothing but the run itself can fail from here on.
@@ -164,7 +172,7 @@ impl Begun {
             }
         });
         let told = match (&rig.truth, truth) {
-            (Some(handle), Some(folder)) => handle.write_truth(folder).map_err(|e| no_truth(folder, e)),
+            (Some(handle), Some(folder)) => write_truth(handle, folder),
             _ => Ok(()),
         };
         let concluded = match outcome {

@@ -67,12 +67,12 @@ pub enum DaemonError {
         source: std::io::Error,
     },
     /// The simulated rig's truth could not be written.
-    #[error("cannot write the rig's truth to {}: {source}; give a folder that can be written", path.display())]
+    #[error("cannot write the rig's truth to {}: {reason}; give a folder that can be written", path.display())]
     Truth {
         /// The folder.
         path: PathBuf,
-        /// The system's reason.
-        source: std::io::Error,
+        /// What is wrong.
+        reason: String,
     },
     /// The system gives no thread.
     #[error("the run cannot begin: {source}; close other programs, or raise the limit of processes")]

@@ -1,6 +1,6 @@
 //! Cameras as 3×4 matrices: from the world (mm) to the picture (pixels).
 
-use super::{Aabb, Point};
+use super::Point;
 use nalgebra::{Matrix3x4, Vector4};
 use serde::{Deserialize, Serialize};
 
@@ -47,20 +47,6 @@ impl Projection {
     /// Whether the view is orthographic (parallel rays).
     pub fn is_orthographic(&self) -> bool {
         self.matrix.fixed_view::<1, 3>(2, 0).iter().all(|x| *x == 0.0)
-    }
-
-    /// The picture's box (column and row, least and greatest) of a box in the world; `None` where a corner
-    /// is behind the camera.
-    pub fn project_box(&self, b: &Aabb) -> Option<[[f64; 2]; 2]> {
-        let mut out = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
-        for c in b.corners() {
-            let q = self.project(&c)?;
-            for k in 0..2 {
-                out[0][k] = out[0][k].min(q[k]);
-                out[1][k] = out[1][k].max(q[k]);
-            }
-        }
-        Some(out)
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! The only place that knows it. Views come in over a bounded channel while the stage still turns; each is
 //! decoded, cut out and carved into a live hull at once. When the last one is in, the axis is measured from
-//! all silhouettes, the hull is carved again with the measured cameras, meshed and written.
+//! opposite silhouettes, the hull is carved again with the measured cameras, meshed and written.
 
 mod decode;
 mod products;

@@ -119,8 +119,12 @@ impl Drop for WholeFile {
     }
 }
 
-/// Writes a whole file; bytes and SHA-256.
-pub(super) fn write_whole(folder: &Path, name: &str, bytes: &[u8]) -> Result<(u64, String), SessionError> {
+/// Writes a file that appears whole or not at all (temporary name, sync, rename, sync of the folder); its bytes and
+/// SHA-256.
+///
+/// # Errors
+/// [`SessionError`] where the disk is full or fails; nothing is left of the file then.
+pub fn write_whole(folder: &Path, name: &str, bytes: &[u8]) -> Result<(u64, String), SessionError> {
     let mut file = WholeFile::create(folder, name)?;
     file.write_all(bytes).map_err(SessionError::io("write", &folder.join(name), bytes.len() as u64))?;
     file.finish()

@@ -25,7 +25,7 @@ mod store;
 mod verify;
 mod writer;
 
-pub use disk::{check_space, free_bytes, sha256_hex};
+pub use disk::{check_space, free_bytes, sha256_hex, write_whole};
 pub use error::SessionError;
 pub use manifest::{Manifest, Origin, Plan, PlannedView, required_bytes};
 pub use name::check_name;

@@ -9,6 +9,8 @@ use std::time::Duration;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
+use crate::sse::Stream;
+
 const BIN: &str = env!("CARGO_BIN_EXE_grainrig");
 /// Longer than anything here takes on a busy computer: a test that hangs is to fail, not to wait for ever.
 const PATIENCE: Duration = Duration::from_secs(300);
@@ -136,14 +138,7 @@ impl Daemon {
 
     /// The event stream after the event `last`; from now on without.
     pub fn events(&self, last: Option<u64>) -> Stream {
-        let request = client().get(self.url("/events"));
-        let request = match last {
-            Some(last) => request.header("last-event-id", last.to_string()),
-            None => request,
-        };
-        let response = request.call().unwrap();
-        assert_eq!(response.status(), 200);
-        Stream(BufReader::new(response.into_body().into_reader()))
+        Stream::open(client().get(self.url("/events")), last)
     }
 
     /// Sends these bytes and returns all that comes back.
@@ -178,52 +173,6 @@ fn client() -> ureq::Agent {
         .timeout_global(Some(PATIENCE))
         .build()
         .new_agent()
-}
-
-/// One message of the event stream.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Message {
-    pub id: u64,
-    pub kind: String,
-    pub data: Value,
-}
-
-/// An open event stream.
-pub struct Stream(BufReader<ureq::BodyReader<'static>>);
-
-impl Stream {
-    /// The next message; `None` at the stream's end.
-    pub fn next(&mut self) -> Option<Message> {
-        let (mut id, mut kind, mut data) = (None, String::new(), Value::Null);
-        loop {
-            let mut line = String::new();
-            if self.0.read_line(&mut line).unwrap_or(0) == 0 {
-                return None;
-            }
-            match line.trim_end().split_once(": ") {
-                Some(("id", value)) => id = Some(value.parse().unwrap()),
-                Some(("event", value)) => value.clone_into(&mut kind),
-                Some(("data", value)) => data = serde_json::from_str(value).unwrap(),
-                _ if line == "\n" && id.is_some() => return Some(Message { id: id.unwrap(), kind, data }),
-                _ => {}
-            }
-        }
-    }
-
-    /// Every message up to the first of this kind, that one included.
-    pub fn until(&mut self, kind: &str) -> Vec<Message> {
-        let mut all = Vec::new();
-        loop {
-            let message = self.next().unwrap_or_else(|| panic!("the stream ended before `{kind}`: {all:#?}"));
-            let is_end = ["failed", "aborted", "complete"].contains(&message.kind.as_str());
-            all.push(message);
-            let last = &all[all.len() - 1];
-            if last.kind == kind {
-                return all;
-            }
-            assert!(!is_end, "the run ended before `{kind}`: {last:?}");
-        }
-    }
 }
 
 /// Every file below a folder with its bytes, in order.

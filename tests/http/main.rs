@@ -4,3 +4,5 @@ mod daemon;
 mod ending;
 mod hostile;
 mod runs;
+#[path = "../sse/mod.rs"]
+mod sse;

@@ -1,6 +1,7 @@
 //! Runs: begun, watched, steered, failed, finished.
 
-use crate::daemon::{Daemon, Lab, Message, SMALL, files};
+use crate::daemon::{Daemon, Lab, SMALL, files};
+use crate::sse::Message;
 use serde_json::{Value, json};
 
 /// Long enough that whoever steers it comes in time: 25 views with rests between them.

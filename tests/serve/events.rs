@@ -1,62 +1,23 @@
 //! The event stream over HTTP: no gap, no repeat.
 
-use std::io::{BufRead, BufReader};
 use std::num::NonZeroUsize;
 
 use grainrig::server::ServeOptions;
 use grainrig::session::event::Happening;
-use serde_json::Value;
 
 use crate::rig::{FIRST, Server, client};
+use crate::sse::Stream;
 
-/// One message of the stream.
-#[derive(Debug)]
-pub struct Message {
-    pub id: u64,
-    pub kind: String,
-    pub data: Value,
-}
-
-/// An open stream, read as a browser reads it.
-pub struct Stream(BufReader<ureq::BodyReader<'static>>);
-
-impl Stream {
-    pub fn open(server: &Server, last: Option<u64>) -> Self {
-        let request = client().get(server.url("/api/v1/events"));
-        let request = match last {
-            Some(last) => request.header("last-event-id", last.to_string()),
-            None => request,
-        };
-        let response = request.call().unwrap();
-        assert_eq!(response.status(), 200);
-        assert_eq!(response.headers()["content-type"], "text/event-stream");
-        Self(BufReader::new(response.into_body().into_reader()))
-    }
-
-    /// The next message; `None` when the server has ended the stream.
-    pub fn next(&mut self) -> Option<Message> {
-        let (mut id, mut kind, mut data) = (None, String::new(), Value::Null);
-        loop {
-            let mut line = String::new();
-            if self.0.read_line(&mut line).unwrap_or(0) == 0 {
-                return None;
-            }
-            match line.trim_end().split_once(": ") {
-                Some(("id", value)) => id = Some(value.parse().unwrap()),
-                Some(("event", value)) => value.clone_into(&mut kind),
-                Some(("data", value)) => data = serde_json::from_str(value).unwrap(),
-                _ if line == "\n" && id.is_some() => return Some(Message { id: id.unwrap(), kind, data }),
-                _ => {}
-            }
-        }
-    }
+/// Opens the stream of a server after the event `last`.
+pub fn open(server: &Server, last: Option<u64>) -> Stream {
+    Stream::open(client().get(server.url("/api/v1/events")), last)
 }
 
 #[test]
 fn a_new_client_gets_a_snapshot_and_then_every_event() {
     let server = Server::start();
     server.rig.happened(Happening::Started { session: "quartz".into(), views: 25, already_captured: 3 });
-    let mut stream = Stream::open(&server, None);
+    let mut stream = open(&server, None);
     let snapshot = stream.next().unwrap();
     assert_eq!((snapshot.id, snapshot.kind.as_str()), (FIRST, "snapshot"));
     assert_eq!(snapshot.data["seq"], FIRST);
@@ -74,7 +35,7 @@ fn a_client_that_comes_back_gets_what_it_missed() {
     for view in 0..5 {
         server.rig.happened(Happening::Moving { view, target_deg: 0.0 });
     }
-    let mut stream = Stream::open(&server, Some(FIRST + 1));
+    let mut stream = open(&server, Some(FIRST + 1));
     for id in FIRST + 2..FIRST + 5 {
         let message = stream.next().unwrap();
         assert_eq!((message.id, message.kind.as_str()), (id, "moving"));
@@ -82,10 +43,10 @@ fn a_client_that_comes_back_gets_what_it_missed() {
     // `after` does the same where no header can be sent; the header goes before it.
     let url = server.url(&format!("/api/v1/events?after={FIRST}"));
     let reply = client().get(url).header("last-event-id", (FIRST + 3).to_string()).call().unwrap();
-    let mut stream = Stream(BufReader::new(reply.into_body().into_reader()));
+    let mut stream = Stream::of(reply);
     assert_eq!(stream.next().unwrap().id, FIRST + 4);
     let reply = client().get(server.url(&format!("/api/v1/events?after={FIRST}"))).call().unwrap();
-    let mut stream = Stream(BufReader::new(reply.into_body().into_reader()));
+    let mut stream = Stream::of(reply);
     assert_eq!(stream.next().unwrap().id, FIRST + 1);
 }
 
@@ -94,12 +55,12 @@ fn a_number_of_an_earlier_daemon_gets_a_snapshot() {
     let server = Server::start();
     server.rig.happened(Happening::Homed);
     for unknown in [1, FIRST - 2, FIRST + 1, u64::MAX] {
-        let first = Stream::open(&server, Some(unknown)).next().unwrap();
+        let first = open(&server, Some(unknown)).next().unwrap();
         assert_eq!((first.id, first.kind.as_str()), (FIRST, "snapshot"), "{unknown}");
     }
     let reply =
         client().get(server.url("/api/v1/events")).header("last-event-id", "no number").call().unwrap();
-    let mut stream = Stream(BufReader::new(reply.into_body().into_reader()));
+    let mut stream = Stream::of(reply);
     assert_eq!(stream.next().unwrap().kind, "snapshot");
 }
 
@@ -119,7 +80,7 @@ fn a_client_that_keeps_dropping_out_misses_and_repeats_nothing() {
         .collect();
     let mut last = FIRST - 1;
     while last < FIRST + PUSHED - 1 {
-        let mut stream = Stream::open(&server, Some(last));
+        let mut stream = open(&server, Some(last));
         for _ in 0..37 {
             if last == FIRST + PUSHED - 1 {
                 break;
@@ -138,7 +99,7 @@ fn a_client_that_keeps_dropping_out_misses_and_repeats_nothing() {
 fn a_slow_client_is_cut_off_and_told_where_things_stand() {
     const PUSHED: u64 = 200_000;
     let server = Server::with(ServeOptions::default(), NonZeroUsize::new(64).unwrap());
-    let mut slow = Stream::open(&server, None);
+    let mut slow = open(&server, None);
     assert_eq!(slow.next().unwrap().kind, "snapshot");
     // Far more than the sockets between us hold: if pushing waited for the reader, this would not end.
     for view in 0..PUSHED {
@@ -150,7 +111,7 @@ fn a_slow_client_is_cut_off_and_told_where_things_stand() {
         last = message.id;
         assert!(last < FIRST + PUSHED - 1, "the client was not cut off");
     }
-    let snapshot = Stream::open(&server, Some(last)).next().unwrap();
+    let snapshot = open(&server, Some(last)).next().unwrap();
     assert_eq!((snapshot.kind.as_str(), snapshot.id), ("snapshot", FIRST + PUSHED - 1));
     assert_eq!(snapshot.data["status"]["view"], PUSHED - 1);
 }

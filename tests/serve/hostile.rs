@@ -238,7 +238,7 @@ fn requests_that_never_end_are_cut_off() {
         std::thread::yield_now();
     }
     // An event stream on which nothing happens is not idle: it comes through many limits.
-    let mut stream = crate::events::Stream::open(&server, None);
+    let mut stream = crate::events::open(&server, None);
     stream.next().unwrap();
     for _ in 0..6 {
         rest(&mut connect(&server));

@@ -3,6 +3,8 @@
 mod events;
 mod hostile;
 mod rig;
+#[path = "../sse/mod.rs"]
+mod sse;
 
 use grainrig::server::{KEPT_EVENTS, ServeOptions};
 use grainrig::session::event::Happening;
@@ -231,7 +233,7 @@ fn error_kind(mut response: Response<Body>) -> String {
 #[test]
 fn the_end_is_asked_for_and_streams_end_with_it() {
     let mut server = Server::start();
-    let mut stream = events::Stream::open(&server, None);
+    let mut stream = events::open(&server, None);
     assert_eq!(stream.next().unwrap().kind, "snapshot");
     server.rig.happened(Happening::Homed);
     assert_eq!(stream.next().unwrap().kind, "homed");

@@ -2,6 +2,7 @@
 
 use super::random::{self, Purpose};
 use super::settings::Settings;
+use crate::export::stl;
 use crate::geometry::{Point, TriangleMesh, Vector};
 use crate::rig::RigError;
 use std::collections::HashMap;
@@ -39,12 +40,8 @@ fn read_stl(path: &Path) -> Result<TriangleMesh, RigError> {
             path.display()
         ))
     };
-    let mut file = std::fs::File::open(path).map_err(|e| refuse(format!("cannot be opened ({e})")))?;
-    let stl = stl_io::read_stl(&mut file).map_err(|e| refuse(format!("is not an STL file ({e})")))?;
-    let mesh = TriangleMesh {
-        vertices: stl.vertices.iter().map(|v| Point::from(v.0.map(f64::from))).collect(),
-        triangles: stl.faces.iter().map(|f| f.vertices.map(|i| i as u32)).collect(),
-    };
+    let bytes = std::fs::read(path).map_err(|e| refuse(format!("cannot be opened ({e})")))?;
+    let mesh = stl::read(&bytes).map_err(|e| refuse(format!("is not an STL file ({e})")))?;
     mesh.check().map_err(|fault| refuse(format!("does not bound a body: {fault}")))?;
     Ok(mesh)
 }
@@ -243,13 +240,9 @@ mod tests {
         std::fs::write(&path, b"not a surface").unwrap();
         let text = read().unwrap_err().to_string();
         assert!(text.contains("not an STL"), "{text}");
-        let corner = |x, y, z| stl_io::Vertex::new([x, y, z]);
-        let triangle = stl_io::Triangle {
-            normal: corner(0.0, 0.0, 1.0),
-            vertices: [corner(0.0, 0.0, 0.0), corner(1.0, 0.0, 0.0), corner(0.0, 1.0, 0.0)],
-        };
-        let mut file = std::fs::File::create(&path).unwrap();
-        stl_io::write_stl(&mut file, [triangle].iter()).unwrap();
+        let vertices = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.]].map(Point::from).to_vec();
+        let open = TriangleMesh { vertices, triangles: vec![[0, 1, 2]] };
+        stl::write(&open, std::fs::File::create(&path).unwrap()).unwrap();
         let text = read().unwrap_err().to_string();
         assert!(text.contains("does not bound a body"), "{text}");
     }

@@ -182,17 +182,13 @@ fn faults_come_when_they_are_asked_for() {
 }
 
 #[test]
-fn the_truth_is_written_whole() {
+fn the_truth_is_kept_in_files_that_are_read_again() {
     let (_, mut camera, truth) = open(&small()).unwrap();
     camera.capture().unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    truth.write_truth(folder.path()).unwrap();
-    let json: Truth =
-        serde_json::from_slice(&std::fs::read(folder.path().join("truth.json")).unwrap()).unwrap();
+    let [(_, json), (_, surface)] = truth.files().unwrap();
+    let json: Truth = serde_json::from_slice(&json).unwrap();
     assert_eq!((json.settings, json.exposures.len()), (small(), 1));
     assert!((json.grain_volume_mm3 / truth.truth().grain_volume_mm3 - 1.0).abs() < 1e-12);
-    let mut file = std::fs::File::open(folder.path().join("truth.stl")).unwrap();
-    let stl = stl_io::read_stl(&mut file).unwrap();
-    assert_eq!(stl.faces.len(), truth.truth_mesh().triangles.len());
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+    let surface = crate::export::stl::read(&surface).unwrap();
+    assert_eq!(surface.triangles.len(), truth.truth_mesh().triangles.len());
 }

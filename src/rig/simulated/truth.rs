@@ -6,10 +6,10 @@ use super::scene::Scene;
 use super::settings::Settings;
 use super::stage::lock;
 use super::{Shared, grain};
+use crate::export::stl;
 use crate::geometry::{Angle, Projection, TriangleMesh};
+use crate::rig::RigError;
 use serde::{Deserialize, Serialize};
-use std::io::Write;
-use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 /// The record of the truth; lengths mm, angles as their names say.
@@ -110,34 +110,15 @@ impl TruthHandle {
         Coverage { window, coverage: view.grain_coverage(window) }
     }
 
-    /// Writes `truth.json` (a [`Truth`]) and `truth.stl` (the grain at angle 0, mm) into a folder.
+    /// The files that keep the truth: `truth.json` (a [`Truth`]) and `truth.stl` (the grain at angle 0, mm).
     ///
     /// # Errors
-    /// Those of the file system, and of the folder if it does not exist.
-    pub fn write_truth(&self, folder: &Path) -> std::io::Result<()> {
-        let json = serde_json::to_vec_pretty(&self.truth())?;
-        let mut stl = Vec::new();
-        let body = &self.scene.body;
-        let triangles: Vec<stl_io::Triangle> = (0..body.triangles.len())
-            .map(|t| {
-                let corners = body.corners(t);
-                let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));
-                let normal = normal.try_normalize(0.0).unwrap_or_default();
-                stl_io::Triangle {
-                    normal: stl_io::Normal::new([normal.x, normal.y, normal.z].map(|x| x as f32)),
-                    vertices: corners.map(|p| stl_io::Vertex::new([p.x, p.y, p.z].map(|x| x as f32))),
-                }
-            })
-            .collect();
-        stl_io::write_stl(&mut stl, triangles.iter())?;
-        for (name, bytes) in [("truth.json", json), ("truth.stl", stl)] {
-            // Whole or not at all: a temporary name first.
-            let temporary = folder.join(format!(".{name}.part"));
-            let mut file = std::fs::File::create(&temporary)?;
-            file.write_all(&bytes)?;
-            file.sync_all()?;
-            std::fs::rename(&temporary, folder.join(name))?;
-        }
-        std::fs::File::open(folder)?.sync_all()
+    /// [`RigError::Device`] where a figure does not fit its format.
+    pub fn files(&self) -> Result<[(&'static str, Vec<u8>); 2], RigError> {
+        let json = serde_json::to_vec_pretty(&self.truth())
+            .map_err(|e| RigError::Device(format!("the rig's truth cannot be encoded: {e}")))?;
+        let mut surface = Vec::new();
+        stl::write(&self.scene.body, &mut surface).map_err(|e| RigError::Device(e.to_string()))?;
+        Ok([("truth.json", json), ("truth.stl", surface)])
     }
 }
