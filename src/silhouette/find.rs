@@ -209,6 +209,7 @@ fn finish(
     }
     let mut band = outline::BAND;
     let mut rounds = 0;
+    let mut blur = outline::IN_FOCUS;
     let mut field = loop {
         let excluded = |x: usize, y: usize| {
             let reach = band as f64;
@@ -219,6 +220,7 @@ fn finish(
             &Parts {
                 body: &body,
                 band,
+                blur,
                 smooth: &seen.smooth,
                 occupied,
                 excluded: &excluded,
@@ -229,7 +231,8 @@ fn finish(
         rounds += 1;
         let placed = field.inside();
         // Out of focus, the levels must be read further away, and half-way may lie beyond the band.
-        let needed = (CLEAR_OF_BLUR * field.blur(placed.edge_length())).ceil() as usize;
+        blur = field.blur(placed.edge_length());
+        let needed = (CLEAR_OF_BLUR * blur).ceil() as usize;
         let wider = needed.clamp(band, outline::WIDEST);
         if rounds == MOST_ROUNDS || (wider == band && body.mean_shift(&placed) <= FAR * band as f64) {
             break field;

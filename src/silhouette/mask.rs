@@ -51,15 +51,14 @@ impl Mask {
         self.bits.iter().map(|&b| usize::from(b)).sum()
     }
 
-    /// Length of the mask's edge, pixels: a circle has 4/π times as many pixel sides.
+    /// Length of the mask's edge, pixels, to 5 % whichever way it runs: Crofton's formula, by the pixels that differ
+    /// from their neighbours in four directions.
     pub(super) fn edge_length(&self) -> f64 {
-        let across: usize = self
-            .bits
-            .chunks_exact(self.width)
-            .map(|row| row.windows(2).filter(|p| p[0] != p[1]).count())
-            .sum();
-        let down = self.bits.iter().zip(&self.bits[self.width..]).filter(|(a, b)| a != b).count();
-        0.25 * std::f64::consts::PI * (across + down) as f64
+        let differ =
+            |step: usize| self.bits.iter().zip(&self.bits[step..]).filter(|(a, b)| a != b).count() as f64;
+        let straight = differ(1) + differ(self.width);
+        let slanting = differ(self.width - 1) + differ(self.width + 1);
+        std::f64::consts::FRAC_PI_8 * (straight + slanting * std::f64::consts::FRAC_1_SQRT_2)
     }
 
     /// How far this mask's edge is from another's on average, pixels.

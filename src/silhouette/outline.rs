@@ -10,13 +10,22 @@ use rayon::prelude::*;
 
 /// Pixels on both sides of the mask's edge within which the outline is placed, in a picture that is in focus.
 pub(super) const BAND: usize = 3;
+/// The blur of such a picture after smoothing, pixels.
+pub(super) const IN_FOCUS: f64 = 1.0;
 /// The widest band: a picture that needs more shows no outline.
 pub(super) const WIDEST: usize = 16;
-/// Pixels of each that are read, the nearest ones: enough against noise, few enough that a lit part does not
-/// set the level of a shaded one beside it.
+/// Grain pixels are read up to this many pixels beyond the band, and background pixels, the nearest ones, up to this
+/// many: enough against noise, few enough that a lit part does not set the level of a shaded one beside it.
+const DEEPER: usize = 5;
 const SAMPLES: u32 = 12;
-/// Least number of pixels an average is believed from.
+/// Least number of pixels an average is believed from, and a change of the level towards the outline.
 const LEAST_SAMPLES: u32 = 6;
+const LEAST_SLOPED: f64 = 16.0;
+/// A level seldom changes towards the outline by more than this share of itself per root of a pixel.
+const STEEP: f64 = 0.06;
+/// Light of a body that ends in a limb reaches an edge blurred by σ from about this many σ inside:
+/// E(√|z|)² of a normal variable, 2^½ Γ(3/4)²/π.
+const FROM_INSIDE: f64 = 0.676;
 /// An island or opening within the band smaller than this, square pixels, is noise.
 const SPECK_PX: usize = 12;
 
@@ -32,6 +41,8 @@ pub(super) struct Field {
 pub(super) struct Parts<'a> {
     /// Pixels on both sides of the body's edge within which the outline is placed.
     pub band: usize,
+    /// Standard deviation of the edge's blur in the smoothed values, pixels.
+    pub blur: f64,
     /// The plane's smoothed values.
     pub smooth: &'a [i16],
     /// The grain together with what it stands on.
@@ -52,8 +63,7 @@ pub(super) fn place(plane: &Plane, parts: &Parts) -> Field {
     let inner = parts.body.eroded(parts.band);
     let outer = parts.body.dilated(parts.band);
     let taken = parts.occupied.dilated(parts.band);
-    // The nearest pixel beyond the band is at most its width and a little more away, on either side.
-    let rings = rings(2 * parts.band + 1);
+    let levels = Levels::read(plane, parts, &inner, &outer, &taken);
     let mut values = vec![0f32; w * h];
     values.par_chunks_mut(w).enumerate().for_each(|(y, out)| {
         for (x, value) in out.iter_mut().enumerate() {
@@ -62,7 +72,7 @@ pub(super) fn place(plane: &Plane, parts: &Parts) -> Field {
             *value = if inner.bits[k] == outer.bits[k] {
                 if body { -1.0 } else { 1.0 }
             } else {
-                in_band(plane, parts, &inner, &taken, &rings, [x, y])
+                in_band(plane, parts, &levels, [x, y])
             };
         }
     });
@@ -71,64 +81,149 @@ pub(super) fn place(plane: &Plane, parts: &Parts) -> Field {
     field
 }
 
-/// Places of equal distance from a pixel, as columns and rows away from it.
-type Ring = Vec<(isize, isize)>;
-
-/// The places of the window, nearest first.
-fn rings(reach: usize) -> Vec<Ring> {
-    let side = reach as isize;
-    let mut by_distance = std::collections::BTreeMap::<isize, Ring>::new();
-    for dy in -side..=side {
-        for dx in -side..=side {
-            by_distance.entry(dx * dx + dy * dy).or_default().push((dx, dy));
-        }
-    }
-    by_distance.into_values().collect()
+/// The levels on both sides of the outline, at every pixel of the band; each with its weight.
+struct Levels {
+    /// Sum of weighted levels, and of weights.
+    grain: Vec<[f32; 2]>,
+    background: Vec<[f32; 2]>,
 }
 
-fn in_band(
-    plane: &Plane,
-    parts: &Parts,
-    inner: &Mask,
-    taken: &Mask,
-    rings: &[Ring],
-    [x, y]: [usize; 2],
-) -> f32 {
-    let w = plane.width;
-    let (mut inside, mut n_inside, mut outside, mut n_outside) = (0i64, 0u32, 0i64, 0u32);
-    for ring in rings {
-        // The nearest ones are enough: further along the outline the grain may be lit otherwise.
-        let (seek_inside, seek_outside) = (n_inside < SAMPLES, n_outside < SAMPLES);
-        if !seek_inside && !seek_outside {
-            break;
-        }
-        for &(dx, dy) in ring {
-            let (Some(i), Some(j)) = (x.checked_add_signed(dx), y.checked_add_signed(dy)) else { continue };
-            if i >= w || j >= plane.height {
-                continue;
-            }
-            let k = j * w + i;
-            let value = i64::from(plane.values[k]);
-            if inner.bits[k] != 0 {
-                if seek_inside && !(parts.excluded)(i, j) {
-                    inside += value;
-                    n_inside += 1;
+/// Places within reach of a pixel, nearest first: columns, rows away from it, and the distance squared.
+fn places(reach: usize) -> Vec<(isize, isize, usize)> {
+    let side = reach as isize;
+    let mut places: Vec<_> = (-side..=side)
+        .flat_map(|dy| (-side..=side).map(move |dx| (dx, dy, (dx * dx + dy * dy) as usize)))
+        .filter(|p| p.2 <= reach * reach)
+        .collect();
+    places.sort_by_key(|p| p.2);
+    places
+}
+
+impl Levels {
+    /// Reads them at the body's outermost pixels and hands them to the band around each.
+    fn read(plane: &Plane, parts: &Parts, inner: &Mask, outer: &Mask, taken: &Mask) -> Self {
+        let (w, h) = (plane.width, plane.height);
+        let edge = edge(parts.body);
+        let reach = parts.band + DEEPER;
+        let near = places(reach + parts.band);
+        let at = |[x, y]: [usize; 2], &(dx, dy, _): &(isize, isize, usize)| {
+            let (i, j) = (x.checked_add_signed(dx)?, y.checked_add_signed(dy)?);
+            (i < w && j < h).then_some(j * w + i)
+        };
+        // How deep each grain pixel lies below the edge.
+        let mut depth2 = vec![u32::MAX; w * h];
+        let disc = places(reach);
+        for &pixel in &edge {
+            for place in &disc {
+                if let Some(k) = at(pixel, place).filter(|&k| inner.bits[k] != 0) {
+                    depth2[k] = depth2[k].min(place.2 as u32);
                 }
-            } else if seek_outside && taken.bits[k] == 0 {
-                outside += value;
-                n_outside += 1;
             }
         }
+        let root = |k: usize| (f64::from(depth2[k]).sqrt() + 0.5).sqrt();
+        let read: Vec<[Option<f32>; 2]> = (edge.par_iter())
+            .map(|&pixel| {
+                let mut grain = Limb::default();
+                let (mut sum, mut n) = (0_i64, 0_u32);
+                for place in &near {
+                    let deep = place.2 <= reach * reach;
+                    if !deep && n >= SAMPLES {
+                        break;
+                    }
+                    let Some(k) = at(pixel, place) else { continue };
+                    if inner.bits[k] != 0 {
+                        if deep && !(parts.excluded)(k % w, k / w) {
+                            grain.add(root(k), f64::from(level(plane.values[k])));
+                        }
+                    } else if n < SAMPLES && taken.bits[k] == 0 {
+                        sum += i64::from(plane.values[k]);
+                        n += 1;
+                    }
+                }
+                let background = (n >= LEAST_SAMPLES).then(|| sum as f32 / n as f32 / PER_LEVEL);
+                [grain.level((FROM_INSIDE * parts.blur).sqrt()).map(|v| v as f32), background]
+            })
+            .collect();
+        let mut out = Self { grain: vec![[0.0; 2]; w * h], background: vec![[0.0; 2]; w * h] };
+        let around = places(parts.band + 2);
+        for (&pixel, [grain, background]) in edge.iter().zip(&read) {
+            for place in &around {
+                let Some(k) = at(pixel, place).filter(|&k| inner.bits[k] != outer.bits[k]) else { continue };
+                let weight = 1.0 / (0.5 + place.2 as f32);
+                for (sums, level) in [(&mut out.grain, grain), (&mut out.background, background)] {
+                    if let Some(level) = level {
+                        sums[k][0] += weight * level;
+                        sums[k][1] += weight;
+                    }
+                }
+            }
+        }
+        out
     }
-    let value = level(parts.smooth[y * w + x]);
-    let background =
-        if n_outside >= LEAST_SAMPLES { outside as f32 / n_outside as f32 / PER_LEVEL } else { 0.0 };
-    let grain = if n_inside >= LEAST_SAMPLES {
-        inside as f32 / n_inside as f32 / PER_LEVEL
-    } else {
-        // A part thinner than its blur: its brightest ridge stands for it.
-        ridge(plane, parts.smooth, x, y)
+}
+
+/// The body's pixels that have a neighbour outside it.
+fn edge(body: &Mask) -> Vec<[usize; 2]> {
+    let (w, h) = (body.width, body.height);
+    let open = |x: usize, y: usize| {
+        (x > 0 && !body.get(x - 1, y))
+            || (x + 1 < w && !body.get(x + 1, y))
+            || (y > 0 && !body.get(x, y - 1))
+            || (y + 1 < h && !body.get(x, y + 1))
     };
+    (0..w * h).filter(|&k| body.bits[k] != 0 && open(k % w, k / w)).map(|k| [k % w, k / w]).collect()
+}
+
+/// A straight line through the grain's level over the root of the depth below its outline.
+///
+/// Near the limb of a smooth body the part of its normal that faces the camera, and with it the brightness in any
+/// light, changes with the root of the distance from the outline: the level that the edge itself has is not that of
+/// the pixels a few pixels inside.
+#[derive(Default)]
+struct Limb {
+    n: f64,
+    x: f64,
+    y: f64,
+    xx: f64,
+    xy: f64,
+    yy: f64,
+}
+
+impl Limb {
+    fn add(&mut self, root: f64, level: f64) {
+        self.n += 1.0;
+        self.x += root;
+        self.y += level;
+        self.xx += root * root;
+        self.xy += root * level;
+        self.yy += level * level;
+    }
+
+    /// The level at a root of the depth; `None` where too little of the grain is seen. The line's slope is drawn
+    /// towards 0 as far as what lies about the line makes it unsure.
+    fn level(&self, root: f64) -> Option<f64> {
+        if self.n < f64::from(LEAST_SAMPLES) {
+            return None;
+        }
+        let (mx, my) = (self.x / self.n, self.y / self.n);
+        let (xx, xy, yy) =
+            (self.xx - self.n * mx * mx, self.xy - self.n * mx * my, self.yy - self.n * my * my);
+        if self.n < LEAST_SLOPED || xx <= 0.0 {
+            return Some(my);
+        }
+        let rest = ((yy - xy * xy / xx) / (self.n - 2.0)).max(0.0);
+        let slope = xy / (xx + rest / (STEEP * my).powi(2).max(1e-6));
+        Some(my + slope * (root - mx))
+    }
+}
+
+fn in_band(plane: &Plane, parts: &Parts, levels: &Levels, [x, y]: [usize; 2]) -> f32 {
+    let k = y * plane.width + x;
+    let value = level(parts.smooth[k]);
+    let mean = |[sum, weight]: [f32; 2]| (weight > 0.0).then(|| sum / weight);
+    let background = mean(levels.background[k]).unwrap_or(0.0);
+    // A part thinner than its blur: its brightest ridge stands for it.
+    let grain = mean(levels.grain[k]).unwrap_or_else(|| ridge(plane, parts.smooth, x, y));
     let threshold = parts.threshold as f32;
     let contrast = grain - background;
     if contrast < 0.5 * threshold {
