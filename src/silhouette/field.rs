@@ -39,6 +39,11 @@ impl Silhouette {
         self.distance_px.iter().map(|d| (0.5 - f64::from(*d)).clamp(0.0, 1.0)).sum()
     }
 
+    /// Length of the outline, pixels: how fast its area grows with the distance from it.
+    pub fn length_px(&self) -> f64 {
+        self.distance_px.iter().map(|d| (1.0 - f64::from(d.abs())).max(0.0)).sum()
+    }
+
     /// Whether pixel (column, row) of the whole picture is inside.
     pub fn contains(&self, column: usize, row: usize) -> bool {
         let inside = |k: usize, x: usize| (self.origin[k]..self.origin[k] + self.size[k]).contains(&x);

@@ -8,7 +8,7 @@ use super::plane::Plane;
 use super::report::{PedestalSeen, Report, Side};
 use super::search::{Scene, search};
 use super::{Classes, Holes, PedestalMode, Picture, Polarity, Settings, Silhouette, SilhouetteError};
-use super::{despeckle, distance, holes, outline, pieces};
+use super::{despeckle, distance, holes, outline, pieces, plain, shine};
 
 /// A threshold this many standard deviations above the background is clear of its noise.
 const CLEAR_SIGMAS: f64 = 6.0;
@@ -22,6 +22,8 @@ const CLEAR_OF_BLUR: f64 = 2.5;
 const FAR: f64 = 0.5;
 /// … but no more often than this.
 const MOST_ROUNDS: usize = 6;
+/// What comes this near (pixels) to the pedestal's top stands on it.
+const RESTING: f64 = 6.0;
 /// A contrast below this many standard deviations of the noise is worth a warning.
 const WEAK_CONTRAST: f64 = 12.0;
 /// A separability below this is worth a warning.
@@ -133,14 +135,32 @@ fn look(
     if let Some(pedestal) = &pedestal {
         clear_below(&mut grain, pedestal);
     }
+    if !scene.bright_grain && !scene.channel.is_difference() {
+        let largest = grain.largest();
+        let level = mean_level(&plane, &largest);
+        let limit = (clear * f64::from(super::plane::PER_LEVEL)) as i16;
+        if shine::darken(&mut plane, picture, &largest, &smooth, limit, level as i16) {
+            smooth = pedestal.map_or_else(|| plane.smoothed(), |p| pedestal::smoothed(&plane, &p));
+            occupied.bits = above(&smooth);
+            grain = occupied.clone();
+            if let Some(pedestal) = &pedestal {
+                clear_below(&mut grain, pedestal);
+            }
+        }
+    }
     let apart = grain;
-    let mut grain = apart.largest();
+    // What stands on the pedestal is the grain, however large another thing in the picture is.
+    let mut grain = match &pedestal {
+        Some(p) => apart.largest_that(|x, y| {
+            p.below_top(x, y).is_some_and(|d| d <= 0.0 && -d <= RESTING.max(CLEAR_OF_BLUR * p.blur))
+        }),
+        None => apart.largest(),
+    };
     let area = grain.area();
     if (area as f64) < settings.min_area_px {
         return Err(SilhouetteError::TooSmall { area_px: area as f64, limit_px: settings.min_area_px });
     }
-    let sum: f64 = (plane.values.iter().zip(&grain.bits)).map(|(&v, &b)| f64::from(v) * f64::from(b)).sum();
-    let contrast = sum / area as f64 / f64::from(super::plane::PER_LEVEL);
+    let contrast = mean_level(&plane, &grain) / f64::from(super::plane::PER_LEVEL);
     let gap = holes::Background { noise, contrast };
     let open = match settings.holes {
         Holes::Auto => scene.channel.is_difference(),
@@ -173,6 +193,12 @@ fn look(
         contrast,
         reaches,
     })
+}
+
+/// Mean value of the plane in a mask, in the plane's units.
+fn mean_level(plane: &Plane, mask: &Mask) -> f64 {
+    let sum: f64 = (plane.values.iter().zip(&mask.bits)).map(|(&v, &b)| f64::from(v) * f64::from(b)).sum();
+    sum / mask.area().max(1) as f64
 }
 
 fn clear_below(mask: &mut Mask, pedestal: &Pedestal) {
@@ -245,7 +271,14 @@ fn finish(
     field.keep_largest();
     let silhouette = cropped(picture, plane, &field)
         .ok_or(SilhouetteError::TooSmall { area_px: 0.0, limit_px: settings.min_area_px })?;
-    let report = report(frame, scene, seen, &silhouette);
+    let mut report = report(frame, scene, seen, &silhouette);
+    let above = |x: f64, y: f64| pedestal.is_none_or(|p| p.below_top(x, y).is_none_or(|d| d <= 0.0));
+    let otsu = [seen.threshold_two, seen.thresholds_three[0]];
+    [report.area_otsu_two_px, report.area_otsu_three_px] =
+        otsu.map(|threshold| plain::area_px(plane, &silhouette, threshold, above));
+    let shift = |area: f64| (area - report.area_px) / report.outline_length_px.max(1.0);
+    report.shift_otsu_two_px = shift(report.area_otsu_two_px);
+    report.shift_otsu_three_px = shift(report.area_otsu_three_px);
     Ok(Found { silhouette, report })
 }
 
@@ -325,6 +358,11 @@ fn report(frame: &Rect, scene: &Scene, seen: &Seen, silhouette: &Silhouette) -> 
         contrast: seen.contrast,
         noise: seen.noise,
         area_px: silhouette.area_px(),
+        outline_length_px: silhouette.length_px(),
+        area_otsu_two_px: 0.0,
+        area_otsu_three_px: 0.0,
+        shift_otsu_two_px: 0.0,
+        shift_otsu_three_px: 0.0,
         holes_open: seen.holes_open,
         frame: [frame.x0, frame.y0, frame.x1, frame.y1],
         pedestal,

@@ -154,6 +154,21 @@ impl Mask {
         self.select(&runs, |k| Some(k) == best)
     }
 
+    /// The largest component that holds a pixel (column, row) for which `marked` holds, provided it is no speck beside
+    /// the largest of all (a tenth of its area); else that one.
+    pub(super) fn largest_that(&self, marked: impl Fn(f64, f64) -> bool) -> Self {
+        let (runs, components) = self.components(Connect::Sides);
+        let mut is_marked = vec![false; components.len()];
+        for run in &runs {
+            let marks = &mut is_marked[run.component];
+            *marks = *marks || (run.start..run.end).any(|x| marked(x as f64, run.row as f64));
+        }
+        let greatest = components.iter().map(|c| c.area).max().unwrap_or(0);
+        let candidate = |k: usize| is_marked[k] && 10 * components[k].area >= greatest;
+        let best = (0..components.len()).rev().max_by_key(|&k| (candidate(k), components[k].area));
+        self.select(&runs, |k| Some(k) == best)
+    }
+
     /// Pixels whose whole square of half width `radius` is set; what lies outside the rectangle is set.
     pub(super) fn eroded(&self, radius: usize) -> Self {
         let (w, h) = (self.width, self.height);

@@ -24,12 +24,14 @@ mod outline;
 mod pedestal;
 mod picture;
 mod pieces;
+mod plain;
 mod plane;
 mod quiet;
 mod reduced;
 mod report;
 mod search;
 mod settings;
+mod shine;
 
 pub use channel::Channel;
 pub use error::SilhouetteError;

@@ -26,6 +26,19 @@ pub struct Report {
     pub noise: f64,
     /// Area inside the outline, square pixels.
     pub area_px: f64,
+    /// Length of the outline, pixels.
+    pub outline_length_px: f64,
+    /// Area that Otsu's threshold for two classes alone gives the same object, cut at the same pedestal: its pixels,
+    /// counted.
+    pub area_otsu_two_px: f64,
+    /// The same with the lower of the two thresholds for three classes (background, grain, pedestal), as the method
+    /// was published.
+    pub area_otsu_three_px: f64,
+    /// How far outside the outline the mask of `area_otsu_two_px` ends in the mean, pixels: the difference of the
+    /// areas over the outline's length. Pixels inside that are as bright as the background count against it.
+    pub shift_otsu_two_px: f64,
+    /// The same for `area_otsu_three_px`.
+    pub shift_otsu_three_px: f64,
     /// Openings left inside the outline.
     pub holes_open: usize,
     /// Columns and rows of the picture that hold a picture: `[first column, first row, end column, end row]`;
