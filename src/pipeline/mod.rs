@@ -9,6 +9,7 @@ mod products;
 mod reconstruct;
 mod result;
 mod settings;
+mod stand;
 mod stream;
 
 pub use decode::decode;

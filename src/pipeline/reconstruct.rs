@@ -7,7 +7,7 @@ use crate::geometry::{Angle, Projection};
 use crate::hull::{Cone, HullGrid, VisualHull, find_bounds, silhouette_iou};
 use crate::mesh::{Controls, TetMesh, mesh};
 use crate::session::event::{Happening, Role};
-use crate::silhouette::{Found, Silhouette};
+use crate::silhouette::{Found, Silhouette, Stand};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
@@ -47,6 +47,8 @@ pub struct Reconstruction {
     pub scale_mm_per_px: Option<f64>,
     /// The rotation axis, before a turntable.
     pub axis: Option<AxisResult>,
+    /// The pedestal that all views share, where there is one before a turntable.
+    pub stand: Option<Stand>,
     /// Measures of the hull.
     pub hull: HullResult,
     /// Measures of the mesh.
@@ -76,6 +78,7 @@ impl Reconstruction {
             views: self.views.len(),
             scale_mm_per_px: self.scale_mm_per_px,
             axis: self.axis,
+            pedestal: self.stand.clone(),
             hull: self.hull,
             mesh: self.mesh,
             products,
@@ -106,10 +109,10 @@ pub(super) fn reconstruct(
     settings: &Settings,
     cameras: &Cameras,
     taken: &[Taken],
+    (stand, mut warnings): (Option<Stand>, Vec<String>),
     observer: &Observer,
 ) -> Result<Reconstruction, PipelineError> {
     let working = |stage: &str, done: f64| observer(Happening::Working { stage: stage.into(), done });
-    let mut warnings = Vec::new();
 
     working("calibrate", 0.0);
     let start = Instant::now();
@@ -189,6 +192,7 @@ pub(super) fn reconstruct(
         views,
         scale_mm_per_px,
         axis,
+        stand,
         controls,
         tetrahedra,
         timing_s: Timing {

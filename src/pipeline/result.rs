@@ -4,7 +4,7 @@ use crate::calibrate::AxisMethod;
 use crate::geometry::Aabb;
 use crate::hull::{Measures, VoxelCount};
 use crate::mesh::{Controls, Dihedral, TetMesh};
-use crate::silhouette::Report;
+use crate::silhouette::{Report, Stand};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -21,6 +21,8 @@ pub struct ResultFile {
     pub scale_mm_per_px: Option<f64>,
     /// The rotation axis; `null` where each view has a camera of its own.
     pub axis: Option<AxisResult>,
+    /// The pedestal, from all views together; `null` where too few show one.
+    pub pedestal: Option<Stand>,
     /// The visual hull.
     pub hull: HullResult,
     /// The mesh.

@@ -1,6 +1,7 @@
 //! Views stream through: decoded and cut out on worker threads, carved into a live hull as they come.
 
 use super::reconstruct::{Reconstruction, Taken, provisional_camera, reconstruct};
+use super::stand;
 use super::{Cameras, PipelineError, Settings, decode};
 use crate::calibrate::Turntable;
 use crate::geometry::{Aabb, Angle, Point};
@@ -67,7 +68,8 @@ impl Pipeline {
             return Err(PipelineError::MissingViews { got: taken.len(), expected: self.views });
         }
         taken.sort_by_key(|t| t.index);
-        reconstruct(&self.settings, &self.cameras, &taken, observer)
+        let (stand, warnings) = stand::recut(&self.cameras, &mut taken)?;
+        reconstruct(&self.settings, &self.cameras, &taken, (stand, warnings), observer)
     }
 
     fn take(&self, views: Receiver<View>, observer: &Observer) -> Result<Vec<Taken>, PipelineError> {
@@ -157,7 +159,9 @@ impl Pipeline {
         // Given cameras say what the picture covers; before a turntable the whole grain must be seen.
         if matches!(self.cameras, Cameras::Turntable(_)) {
             let sides = silhouette::Side::ALL.iter().zip(found.report.touches_border);
-            if let Some(side) = sides.filter(|s| s.1).map(|s| s.0.name()).next() {
+            // Whether a pedestal or the grain reaches the lower border is known when all views are in.
+            let sides = sides.filter(|s| s.1 && *s.0 != silhouette::Side::Bottom);
+            if let Some(side) = sides.map(|s| s.0.name()).next() {
                 return Err(PipelineError::CutByBorder { view: view.index, side });
             }
         }

@@ -7,8 +7,8 @@ use super::pedestal::{self, Pedestal};
 use super::plane::Plane;
 use super::report::{PedestalSeen, Report, Side};
 use super::search::{Scene, search};
-use super::{Classes, Holes, PedestalMode, Picture, Polarity, Settings, Silhouette, SilhouetteError};
-use super::{despeckle, distance, holes, outline, pieces, plain, shine};
+use super::{Classes, Holes, PedestalMode, Picture, Polarity, Settings, Silhouette, SilhouetteError, Uncut};
+use super::{despeckle, distance, holes, outline, pieces, plain, recut, shine};
 
 /// A threshold this many standard deviations above the background is clear of its noise.
 const CLEAR_SIGMAS: f64 = 6.0;
@@ -36,6 +36,8 @@ pub struct Found {
     pub silhouette: Silhouette,
     /// How it was found.
     pub report: Report,
+    /// The outline before the pedestal was cut off, near its top; `None` where none was.
+    pub uncut: Option<Uncut>,
 }
 
 /// Finds the grain's outline in a picture.
@@ -265,6 +267,7 @@ fn finish(
         }
         (band, body) = (wider, placed);
     };
+    let whole = pedestal.map(|_| field.clone());
     if let Some(pedestal) = pedestal {
         field.cut(|x, y| pedestal.below_top(x, y));
     }
@@ -279,7 +282,19 @@ fn finish(
     let shift = |area: f64| (area - report.area_px) / report.outline_length_px.max(1.0);
     report.shift_otsu_two_px = shift(report.area_otsu_two_px);
     report.shift_otsu_three_px = shift(report.area_otsu_three_px);
-    Ok(Found { silhouette, report })
+    let uncut = whole.zip(report.pedestal).map(|(whole, p)| uncut(plane, &silhouette, &whole, p.top_row));
+    Ok(Found { silhouette, report, uncut })
+}
+
+/// The last rows of a silhouette's rectangle, from a little above the pedestal's top on, before the cut.
+fn uncut(plane: &Plane, silhouette: &Silhouette, whole: &outline::Field, top_row: f64) -> Uncut {
+    let [width, height] = silhouette.size;
+    let [x0, y0] = [silhouette.origin[0] - plane.rect.x0, silhouette.origin[1] - plane.rect.y0];
+    let above = (top_row.max(0.0) as usize).saturating_sub(silhouette.origin[1] + recut::ROWS);
+    let first = above.min(height);
+    let rows = y0 + first..y0 + height;
+    let values = rows.flat_map(|y| whole.values[y * whole.width + x0..][..width].iter().copied()).collect();
+    Uncut { first, values }
 }
 
 /// The rectangle around the outline and its margin, with distances.
@@ -345,6 +360,7 @@ fn report(frame: &Rect, scene: &Scene, seen: &Seen, silhouette: &Silhouette) -> 
             top_slope: p.top[1],
             centre_column: r.x0 as f64 + centre,
             half_width,
+            top_seen: p.top_seen,
         }
     });
     Report {

@@ -64,6 +64,8 @@ pub struct PedestalSeen {
     pub centre_column: f64,
     /// Half its width, pixels.
     pub half_width: f64,
+    /// Whether the view itself shows the top; else it is taken where the sides end, or from other views.
+    pub top_seen: bool,
 }
 
 /// A side of the picture, in the order of [`Report::touches_border`].
