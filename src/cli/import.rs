@@ -50,6 +50,12 @@ pub struct Arguments {
     /// Column of the rotation axis, pixels; measured from the silhouettes where it is not given.
     #[arg(long, value_name = "PX", allow_negative_numbers = true, conflicts_with = "cameras")]
     axis_column_px: Option<f64>,
+    /// Turn of the picture (the axis leans left towards the top where positive), degrees; measured where not given.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, conflicts_with = "cameras")]
+    roll_deg: Option<f64>,
+    /// Use the stage's angles as they are and no sideways shift of single views; both are measured and told all the same.
+    #[arg(long, conflicts_with = "cameras")]
+    no_refine: bool,
     /// A camera for each picture: a Middlebury `_par.txt`, or CSV with 12 numbers (3×4 matrix, row by row) a line.
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
@@ -104,9 +110,10 @@ pub(super) fn run(common: &Common, arguments: Arguments) -> Result<()> {
                 mm_per_px,
                 camera_distance_mm: arguments.camera_distance_mm,
                 axis_column_px: arguments.axis_column_px,
-                roll_deg: config.optics.roll_deg,
+                roll_deg: arguments.roll_deg.or(config.optics.roll_deg),
                 // The plan's angles have the sense already.
                 clockwise: false,
+                refine: config.optics.refine && !arguments.no_refine,
             };
             table.check().map_err(usage)?;
             ImportGeometry::Turntable(table)

@@ -4,6 +4,7 @@
 //! decoded, cut out and carved into a live hull at once. When the last one is in, the axis is measured from
 //! opposite silhouettes, the hull is carved again with the measured cameras, meshed and written.
 
+mod cameras;
 mod decode;
 mod products;
 mod reconstruct;

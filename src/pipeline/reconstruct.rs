@@ -1,9 +1,10 @@
 //! All views are in: axis, cameras, hull, mesh.
 
+use super::cameras::{Measured, cameras_of};
 use super::result::{AxisResult, HullResult, MeshResult, ResultFile, Timing, ViewResult};
 use super::{Cameras, LengthUnit, Observer, PipelineError, Settings, TurntableSettings};
-use crate::calibrate::{Axis, AxisMethod, Turntable, find_axis};
-use crate::geometry::{Angle, Projection};
+use crate::calibrate::{Calibration, Turntable};
+use crate::geometry::Angle;
 use crate::hull::{Cone, HullGrid, VisualHull, find_bounds, silhouette_iou};
 use crate::mesh::{Controls, TetMesh, mesh};
 use crate::session::event::{Happening, Role};
@@ -17,9 +18,6 @@ const MOST_DEFAULT_CELLS: f64 = 400.0;
 
 /// Silhouettes of one rigid body that is seen by the right cameras agree better than this.
 const LEAST_AGREEMENT: f64 = 0.95;
-
-/// Outlines half a turn apart mirror each other to this share of the grain's size; perspective costs the most of it.
-const MIRROR_TOLERANCE: f64 = 0.01;
 
 /// A view that has been cut out.
 #[derive(Debug, Clone)]
@@ -49,6 +47,8 @@ pub struct Reconstruction {
     pub axis: Option<AxisResult>,
     /// The pedestal that all views share, where there is one before a turntable.
     pub stand: Option<Stand>,
+    /// All that the views say of the rig, before a turntable.
+    pub calibration: Option<Calibration>,
     /// Measures of the hull.
     pub hull: HullResult,
     /// Measures of the mesh.
@@ -79,6 +79,7 @@ impl Reconstruction {
             scale_mm_per_px: self.scale_mm_per_px,
             axis: self.axis,
             pedestal: self.stand.clone(),
+            calibration: self.calibration.clone(),
             hull: self.hull,
             mesh: self.mesh,
             products,
@@ -98,7 +99,7 @@ pub(super) fn provisional_camera(table: &TurntableSettings, view: &Taken) -> Tur
         mm_per_px: table.mm_per_px,
         axis_column_px: table.axis_column_px.or(pedestal.map(|p| p.centre_column)).unwrap_or(middle),
         origin_row_px: pedestal.map_or((s.origin[1] + s.size[1]) as f64, |p| p.top_row),
-        principal_row_px: 0.5 * (s.picture[1] as f64 - 1.0),
+        elevation_rad: 0.0,
         roll_rad: table.roll_deg.unwrap_or(0.0).to_radians(),
         camera_distance_mm: table.camera_distance_mm,
     }
@@ -116,7 +117,7 @@ pub(super) fn reconstruct(
 
     working("calibrate", 0.0);
     let start = Instant::now();
-    let (projections, axis) = cameras_of(cameras, taken, &mut warnings)?;
+    let Measured { projections, axis, calibration } = cameras_of(cameras, taken, &mut warnings)?;
     let calibrate_s = start.elapsed().as_secs_f64();
 
     working("hull", 0.0);
@@ -193,6 +194,7 @@ pub(super) fn reconstruct(
         scale_mm_per_px,
         axis,
         stand,
+        calibration,
         controls,
         tetrahedra,
         timing_s: Timing {
@@ -204,74 +206,4 @@ pub(super) fn reconstruct(
         },
         warnings,
     })
-}
-
-/// Each view's camera, and the axis where it was measured.
-fn cameras_of(
-    cameras: &Cameras,
-    taken: &[Taken],
-    warnings: &mut Vec<String>,
-) -> Result<(Vec<Projection>, Option<AxisResult>), PipelineError> {
-    let table = match cameras {
-        Cameras::Given { projections, .. } => {
-            let pick = |t: &Taken| {
-                let missing = PipelineError::NoCamera { view: t.index, cameras: projections.len() };
-                projections.get(t.index).cloned().ok_or(missing)
-            };
-            return Ok((taken.iter().map(pick).collect::<Result<_, _>>()?, None));
-        }
-        Cameras::Turntable(table) => table,
-    };
-    let Some(first) = taken.first() else { return Err(crate::hull::HullError::NoViews.into()) };
-    let turned = |t: &Taken| if table.clockwise { -t.angle } else { t.angle };
-    let mut camera = provisional_camera(table, first);
-    let tops: Vec<f64> = taken.iter().filter_map(|t| t.found.report.pedestal.map(|p| p.top_row)).collect();
-    camera.origin_row_px = if tops.is_empty() {
-        let lows = taken.iter().map(|t| lowest_row(&t.silhouette));
-        warnings.push("no pedestal was found: z = 0 is the lowest row of the silhouettes".into());
-        lows.fold(0.0, f64::max)
-    } else {
-        median(tops)
-    };
-    let axis = match table.axis_column_px {
-        Some(column_px) => Axis {
-            column_px,
-            row_px: camera.origin_row_px,
-            roll_rad: table.roll_deg.unwrap_or(0.0).to_radians(),
-            residual_px: 0.0,
-            method: AxisMethod::Given,
-        },
-        None => find_axis(&taken.iter().map(|t| (turned(t), &*t.silhouette)).collect::<Vec<_>>())?,
-    };
-    let size_px = first.silhouette.size.into_iter().max().unwrap_or(1) as f64;
-    if axis.method == AxisMethod::Mirror && axis.residual_px > MIRROR_TOLERANCE * size_px {
-        warnings.push(format!(
-            "views half a turn apart mirror each other only to {:.1} px, {:.1} px is usual at this size: check whether \
-             the grain has slipped or the motor has lost steps",
-            axis.residual_px,
-            MIRROR_TOLERANCE * size_px
-        ));
-    }
-    camera.roll_rad = table.roll_deg.map_or(axis.roll_rad, f64::to_radians);
-    camera.axis_column_px = axis.column_px + camera.roll_rad.tan() * (camera.origin_row_px - axis.row_px);
-    let result = AxisResult {
-        axis_column_px: camera.axis_column_px,
-        roll_deg: camera.roll_rad.to_degrees(),
-        origin_row_px: camera.origin_row_px,
-        residual_px: axis.residual_px,
-        method: axis.method,
-    };
-    Ok((taken.iter().map(|t| camera.view(turned(t), 0.0)).collect(), Some(result)))
-}
-
-/// The lowest row (greatest index) that the outline reaches.
-fn lowest_row(s: &Silhouette) -> f64 {
-    let extents = s.extents_px();
-    let last = extents.iter().rposition(Option::is_some).unwrap_or(0);
-    (s.origin[1] + last) as f64 + 0.5
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
 }

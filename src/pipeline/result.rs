@@ -1,6 +1,6 @@
 //! What `result.json` says: every figure with its unit in its name.
 
-use crate::calibrate::AxisMethod;
+use crate::calibrate::{AxisMethod, Calibration};
 use crate::geometry::Aabb;
 use crate::hull::{Measures, VoxelCount};
 use crate::mesh::{Controls, Dihedral, TetMesh};
@@ -23,6 +23,8 @@ pub struct ResultFile {
     pub axis: Option<AxisResult>,
     /// The pedestal, from all views together; `null` where too few show one.
     pub pedestal: Option<Stand>,
+    /// All that the views say of the rig, with uncertainties; `null` where each view has a camera of its own.
+    pub calibration: Option<Calibration>,
     /// The visual hull.
     pub hull: HullResult,
     /// The mesh.

@@ -104,6 +104,8 @@ pub struct TurntableSettings {
     pub roll_deg: Option<f64>,
     /// Whether the grain turns clockwise seen from above when the stage angle grows.
     pub clockwise: bool,
+    /// Whether each view's own offset and angle, as measured from the silhouettes, are used.
+    pub refine: bool,
 }
 
 impl Default for TurntableSettings {
@@ -114,6 +116,7 @@ impl Default for TurntableSettings {
             axis_column_px: None,
             roll_deg: None,
             clockwise: false,
+            refine: true,
         }
     }
 }

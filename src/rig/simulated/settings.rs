@@ -54,6 +54,8 @@ pub struct Settings {
     pub steps_per_turn: u32,
     /// Microsteps in one full step: 1, 2, 4, 8 or 16.
     pub microsteps: u32,
+    /// A full step as it is over a full step as the controller believes it: a wrong gear or step count where not 1.
+    pub step_ratio: f64,
     /// Greatest error of a full step's position, as a fraction of a step. Each position has its own fixed
     /// error, so errors do not add up from step to step (a 0.9° motor's data sheet says ±5 %).
     pub step_error: f64,
@@ -120,6 +122,7 @@ impl Default for Settings {
             exposure_s: 0.02,
             steps_per_turn: 400,
             microsteps: 1,
+            step_ratio: 1.0,
             step_error: 0.05,
             limits_deg: [-5.0, 365.0],
             speed_deg_per_s: 36.0,
@@ -177,6 +180,7 @@ impl Settings {
                 self.microsteps
             )));
         }
+        within("step_ratio", self.step_ratio, "", 0.5, 2.0)?;
         // At half a step neighbouring positions would change places.
         within("step_error", self.step_error, " steps", 0.0, 0.49)?;
         within("limits_deg", self.limits_deg[0], "°", -1e6, 0.0)?;
