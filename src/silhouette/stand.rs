@@ -39,6 +39,8 @@ pub struct Stand {
     pub centre_column_px: Joint,
     /// Half its width, pixels.
     pub half_width_px: Joint,
+    /// Standard deviation of the blur of its sides, pixels.
+    pub blur_px: Joint,
     /// Views it was taken from.
     pub views: usize,
     /// Places (in the list of views) of those whose pedestal disagrees with it.
@@ -82,6 +84,7 @@ pub fn joint_stand(views: &[Option<PedestalSeen>]) -> Option<Stand> {
         top_slope: joint(&|p| p.top_slope),
         centre_column_px: joint(&|p| p.centre_column),
         half_width_px: joint(&|p| p.half_width),
+        blur_px: joint(&|p| p.blur),
         views: good.len(),
         disagree: bad.iter().map(|(k, _)| *k).collect(),
         unseen: (views.iter().enumerate())
@@ -99,19 +102,19 @@ fn median_of(values: impl Iterator<Item = f64>) -> f64 {
 mod tests {
     use super::*;
 
-    fn view(top_row: f64, shift: f64) -> Option<PedestalSeen> {
+    fn view(top_row: f64, shift: f64) -> PedestalSeen {
         let (centre_column, top_slope) = (500.0 + shift, 0.02);
         let top_row = top_row + top_slope * shift;
-        Some(PedestalSeen { top_row, top_slope, centre_column, half_width: 58.0, top_seen: true })
+        PedestalSeen { top_row, top_slope, centre_column, half_width: 58.0, top_seen: true, blur: 1.0 }
     }
 
     #[test]
     fn views_that_are_wrong_or_see_no_top_do_not_move_it_and_are_named() {
         let wobble = [0.3, -0.2, 0.1, -0.4, 0.2, 0.0, -0.1, 0.4];
-        let mut views: Vec<_> = wobble.iter().map(|w| view(700.0 + 0.1 * w, *w)).collect();
-        views.push(view(705.0, 0.0));
+        let mut views: Vec<_> = wobble.iter().map(|w| Some(view(700.0 + 0.1 * w, *w))).collect();
+        views.push(Some(view(705.0, 0.0)));
         views.push(None);
-        views.push(view(690.0, 0.0).map(|p| PedestalSeen { top_seen: false, ..p }));
+        views.push(Some(PedestalSeen { top_seen: false, ..view(690.0, 0.0) }));
         let stand = joint_stand(&views).unwrap();
         assert!((stand.top_row_px.value - 700.0).abs() < 0.05, "{stand:?}");
         assert!(stand.top_row_px.sd > 0.0 && stand.top_row_px.sd < 0.05, "{stand:?}");
@@ -120,7 +123,7 @@ mod tests {
 
     #[test]
     fn two_views_are_no_majority() {
-        assert!(joint_stand(&[view(700.0, 0.0), view(700.1, 0.0), None]).is_none());
+        assert!(joint_stand(&[Some(view(700.0, 0.0)), Some(view(700.1, 0.0)), None]).is_none());
         assert!(joint_stand(&[]).is_none());
     }
 }
