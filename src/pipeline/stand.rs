@@ -9,6 +9,8 @@ use std::sync::Arc;
 
 /// Above the pedestal's top its blurred light mixes with the grain's up to this many standard deviations of the blur.
 const MIXED: f64 = 2.5;
+/// The least height of the part in which they mix, pixels: a pixel's own width blurs too.
+const LEAST_MIXED_PX: f64 = 2.0;
 
 /// Where the grain stands on the pedestal: the lowest part of the hull, in which no view sees the outline unmixed. What
 /// of the grain sits below the top no view sees at all; it is in neither the hull nor these figures.
@@ -16,7 +18,8 @@ const MIXED: f64 = 2.5;
 pub struct ContactPatch {
     /// Area of the hull's cross-section at the upper end of that part, mm².
     pub area_mm2: f64,
-    /// Its height above the pedestal's top: 2.5 standard deviations of the lens's blur, mm.
+    /// Its height above the pedestal's top: 2.5 standard deviations of the lens's blur, two pixels at
+    /// least, mm.
     pub height_mm: f64,
     /// Its volume over the hull's: `∮ min(z, height) n_z dA` over `∮ z n_z dA`.
     pub volume_share: f64,
@@ -24,7 +27,7 @@ pub struct ContactPatch {
 
 /// The contact patch of a hull's surface, whose triangles are counter-clockwise seen from outside, in mm.
 pub(super) fn contact_patch(stand: &Stand, mm_per_px: f64, surface: &[[Point; 3]]) -> ContactPatch {
-    let height_mm = MIXED * stand.blur_px.value * mm_per_px;
+    let height_mm = (MIXED * stand.blur_px.value).max(LEAST_MIXED_PX) * mm_per_px;
     let (mut area_mm2, mut low, mut all) = (0.0, 0.0, 0.0);
     for [a, b, c] in surface {
         let upwards = 0.5 * (b - a).cross(&(c - a)).z;
