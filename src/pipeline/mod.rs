@@ -18,6 +18,7 @@ pub use products::{Product, products};
 pub use reconstruct::{Reconstruction, Taken};
 pub use result::{AxisResult, HullResult, MeshResult, ResultFile, Timing, ViewResult};
 pub use settings::{Cameras, HullSettings, LengthUnit, MeshSettings, Settings, TurntableSettings};
+pub use stand::ContactPatch;
 pub use stream::{Observer, Pipeline, View};
 
 use crate::calibrate::AxisError;

@@ -2,6 +2,7 @@
 
 use super::cameras::{Measured, cameras_of};
 use super::result::{AxisResult, HullResult, MeshResult, ResultFile, Timing, ViewResult};
+use super::stand::contact_patch;
 use super::{Cameras, LengthUnit, Observer, PipelineError, Settings, TurntableSettings};
 use crate::calibrate::{Calibration, Turntable};
 use crate::geometry::Angle;
@@ -147,6 +148,8 @@ pub(super) fn reconstruct(
         use rayon::prelude::*;
         cones.par_iter().map(|c| silhouette_iou(c, &triangles)).collect()
     };
+    let patch =
+        stand.as_ref().zip(scale_mm_per_px).map(|(s, mm_per_px)| contact_patch(s, mm_per_px, &triangles));
     drop(triangles);
     let hull_s = start.elapsed().as_secs_f64();
 
@@ -188,7 +191,7 @@ pub(super) fn reconstruct(
     }
     let silhouette_s = taken.iter().map(|t| t.seconds).sum::<f64>();
     Ok(Reconstruction {
-        hull: HullResult::new(&measures, &voxels, &ious, metric),
+        hull: HullResult::new(&measures, &voxels, &ious, patch, metric),
         mesh: MeshResult::new(&tetrahedra, &controls, metric),
         views,
         scale_mm_per_px,

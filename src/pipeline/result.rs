@@ -1,5 +1,6 @@
 //! What `result.json` says: every figure with its unit in its name.
 
+use super::stand::ContactPatch;
 use crate::calibrate::{AxisMethod, Calibration};
 use crate::geometry::Aabb;
 use crate::hull::{Measures, VoxelCount};
@@ -81,6 +82,8 @@ pub struct HullResult {
     pub surface_area_mm2: Option<f64>,
     /// The tight box, mm.
     pub bounding_box_mm: Option<Aabb>,
+    /// Where the grain stands on the pedestal; `null` without a pedestal before a turntable.
+    pub contact_patch: Option<ContactPatch>,
     /// How well the hull, seen again, fills the silhouettes.
     pub silhouette_iou: Agreement,
 }
@@ -95,7 +98,13 @@ pub struct Agreement {
 }
 
 impl HullResult {
-    pub(super) fn new(m: &Measures, v: &VoxelCount, ious: &[f64], metric: bool) -> Self {
+    pub(super) fn new(
+        m: &Measures,
+        v: &VoxelCount,
+        ious: &[f64],
+        contact_patch: Option<ContactPatch>,
+        metric: bool,
+    ) -> Self {
         let stated = |x: f64| metric.then_some(x);
         Self {
             volume_mm3: stated(m.volume_mm3),
@@ -103,6 +112,7 @@ impl HullResult {
             voxel_mm: stated(v.voxel_mm),
             surface_area_mm2: stated(m.surface_area_mm2),
             bounding_box_mm: m.bounding_box_mm.filter(|_| metric),
+            contact_patch,
             silhouette_iou: Agreement {
                 mean: ious.iter().sum::<f64>() / ious.len().max(1) as f64,
                 min: ious.iter().copied().fold(1.0, f64::min),

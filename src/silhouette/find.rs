@@ -361,6 +361,7 @@ fn report(frame: &Rect, scene: &Scene, seen: &Seen, silhouette: &Silhouette) -> 
             centre_column: r.x0 as f64 + centre,
             half_width,
             top_seen: p.top_seen,
+            blur: p.blur,
         }
     });
     Report {
@@ -381,6 +382,7 @@ fn report(frame: &Rect, scene: &Scene, seen: &Seen, silhouette: &Silhouette) -> 
         shift_otsu_three_px: 0.0,
         holes_open: seen.holes_open,
         frame: [frame.x0, frame.y0, frame.x1, frame.y1],
+        contact_width_px: pedestal.map(|p| silhouette.width_above(&p)),
         pedestal,
         touches_border,
         warnings,

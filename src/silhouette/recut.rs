@@ -1,7 +1,7 @@
 //! A silhouette that has been found, cut again at a pedestal's top that is known better.
 
 use super::outline::Field;
-use super::{Found, PedestalSeen, distance};
+use super::{Found, PedestalSeen, Silhouette, distance};
 
 /// Rows above and below the top for which the outline before the cut is kept.
 pub(super) const ROWS: usize = 24;
@@ -15,6 +15,20 @@ pub struct Uncut {
     pub(super) first: usize,
     /// `[row, column]`, row-major: 0 on the outline, −1 well inside, +1 well outside.
     pub(super) values: Vec<f32>,
+}
+
+impl Silhouette {
+    /// Width of the outline along the line one pixel above a pedestal's top, pixels.
+    pub(super) fn width_above(&self, stand: &PedestalSeen) -> f64 {
+        const STEP: f64 = 0.125;
+        let first = self.origin[0] as f64;
+        let row = |x: f64| stand.top_row - 1.0 + stand.top_slope * (x - stand.centre_column);
+        let steps = (self.size[0] as f64 / STEP) as usize;
+        let inside = (0..steps)
+            .map(|k| first + STEP * k as f64)
+            .filter(|&x| self.signed_distance_px([x, row(x)]) < 0.0);
+        inside.count() as f64 * STEP * stand.top_slope.hypot(1.0)
+    }
 }
 
 impl Found {
@@ -46,6 +60,7 @@ impl Found {
         self.silhouette.distance_px = distance::signed(&field);
         self.report.area_px = self.silhouette.area_px();
         self.report.outline_length_px = self.silhouette.length_px();
+        self.report.contact_width_px = Some(self.silhouette.width_above(&stand));
         self.report.pedestal = Some(stand);
         true
     }

@@ -46,6 +46,8 @@ pub struct Report {
     pub frame: [usize; 4],
     /// The pedestal, where one was cut off.
     pub pedestal: Option<PedestalSeen>,
+    /// Width of the outline one pixel above the pedestal's top, where the grain stands on it, pixels.
+    pub contact_width_px: Option<f64>,
     /// Whether the grain reaches the left, right, top, bottom end of the picture: then part of it is not
     /// seen, and what lies outside counts as background.
     pub touches_border: [bool; 4],
@@ -66,6 +68,8 @@ pub struct PedestalSeen {
     pub half_width: f64,
     /// Whether the view itself shows the top; else it is taken where the sides end, or from other views.
     pub top_seen: bool,
+    /// Standard deviation of the blur of its sides, pixels: above its top its light mixes with the grain's as far.
+    pub blur: f64,
 }
 
 /// A side of the picture, in the order of [`Report::touches_border`].

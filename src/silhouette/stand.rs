@@ -39,12 +39,33 @@ pub struct Stand {
     pub centre_column_px: Joint,
     /// Half its width, pixels.
     pub half_width_px: Joint,
+    /// Standard deviation of the blur of its sides, pixels.
+    pub blur_px: Joint,
     /// Views it was taken from.
     pub views: usize,
     /// Places (in the list of views) of those whose pedestal disagrees with it.
     pub disagree: Vec<usize>,
     /// Places of those that show no pedestal, or not its top.
     pub unseen: Vec<usize>,
+}
+
+impl Stand {
+    /// The pedestal as a view shows it that saw `own` by itself: where it stands sideways is the view's own business.
+    pub fn seen_by(&self, own: Option<PedestalSeen>) -> PedestalSeen {
+        let middle = self.centre_column_px.value;
+        let half_width = self.half_width_px.value;
+        let columns = own.map(|p| p.centre_column);
+        let centre_column = columns.filter(|c| (c - middle).abs() <= 0.5 * half_width).unwrap_or(middle);
+        let top_slope = self.top_slope.value;
+        PedestalSeen {
+            top_row: self.top_row_px.value + top_slope * (centre_column - middle),
+            top_slope,
+            centre_column,
+            half_width,
+            blur: self.blur_px.value,
+            top_seen: own.is_some_and(|p| p.top_seen),
+        }
+    }
 }
 
 /// The pedestal that the views share; `None` where fewer than three show one with its top. Medians, so that less than
@@ -82,6 +103,7 @@ pub fn joint_stand(views: &[Option<PedestalSeen>]) -> Option<Stand> {
         top_slope: joint(&|p| p.top_slope),
         centre_column_px: joint(&|p| p.centre_column),
         half_width_px: joint(&|p| p.half_width),
+        blur_px: joint(&|p| p.blur),
         views: good.len(),
         disagree: bad.iter().map(|(k, _)| *k).collect(),
         unseen: (views.iter().enumerate())
@@ -99,19 +121,19 @@ fn median_of(values: impl Iterator<Item = f64>) -> f64 {
 mod tests {
     use super::*;
 
-    fn view(top_row: f64, shift: f64) -> Option<PedestalSeen> {
+    fn view(top_row: f64, shift: f64) -> PedestalSeen {
         let (centre_column, top_slope) = (500.0 + shift, 0.02);
         let top_row = top_row + top_slope * shift;
-        Some(PedestalSeen { top_row, top_slope, centre_column, half_width: 58.0, top_seen: true })
+        PedestalSeen { top_row, top_slope, centre_column, half_width: 58.0, top_seen: true, blur: 1.0 }
     }
 
     #[test]
     fn views_that_are_wrong_or_see_no_top_do_not_move_it_and_are_named() {
         let wobble = [0.3, -0.2, 0.1, -0.4, 0.2, 0.0, -0.1, 0.4];
-        let mut views: Vec<_> = wobble.iter().map(|w| view(700.0 + 0.1 * w, *w)).collect();
-        views.push(view(705.0, 0.0));
+        let mut views: Vec<_> = wobble.iter().map(|w| Some(view(700.0 + 0.1 * w, *w))).collect();
+        views.push(Some(view(705.0, 0.0)));
         views.push(None);
-        views.push(view(690.0, 0.0).map(|p| PedestalSeen { top_seen: false, ..p }));
+        views.push(Some(PedestalSeen { top_seen: false, ..view(690.0, 0.0) }));
         let stand = joint_stand(&views).unwrap();
         assert!((stand.top_row_px.value - 700.0).abs() < 0.05, "{stand:?}");
         assert!(stand.top_row_px.sd > 0.0 && stand.top_row_px.sd < 0.05, "{stand:?}");
@@ -120,7 +142,7 @@ mod tests {
 
     #[test]
     fn two_views_are_no_majority() {
-        assert!(joint_stand(&[view(700.0, 0.0), view(700.1, 0.0), None]).is_none());
+        assert!(joint_stand(&[Some(view(700.0, 0.0)), Some(view(700.1, 0.0)), None]).is_none());
         assert!(joint_stand(&[]).is_none());
     }
 }

@@ -5,7 +5,7 @@ use grainrig::geometry::Angle;
 use grainrig::pipeline::decode;
 use grainrig::rig::simulated::{Faults, Settings, Slip, Truth, open};
 use grainrig::rig::{Camera as _, RotationStage as _};
-use grainrig::silhouette::{self, Found};
+use grainrig::silhouette::{self, Found, PedestalSeen, joint_stand};
 use rayon::prelude::*;
 use std::path::PathBuf;
 
@@ -109,12 +109,19 @@ pub fn capture(settings: &Settings) -> Result<Captured, String> {
         pictures.push(camera.capture().map_err(|e| e.to_string())?.bytes);
         angles.push(angle);
     }
-    let found = (pictures.par_iter())
+    let mut found: Vec<Found> = (pictures.par_iter())
         .map(|bytes| {
             let picture = decode(bytes)?;
             silhouette::find(&picture, None, &silhouette::Settings::default()).map_err(|e| e.to_string())
         })
-        .collect::<Result<_, _>>()?;
+        .collect::<Result<_, String>>()?;
+    // As in the pipeline: every view is cut where all of them show the pedestal's top.
+    let seen: Vec<Option<PedestalSeen>> = found.iter().map(|f| f.report.pedestal).collect();
+    if let Some(stand) = joint_stand(&seen) {
+        for f in &mut found {
+            f.recut(stand.seen_by(f.report.pedestal));
+        }
+    }
     Ok(Captured { angles, found, truth: truth.truth() })
 }
 
