@@ -34,6 +34,8 @@ pub struct Found {
     pub silhouette: Silhouette,
     /// How it was found.
     pub report: Report,
+    /// Standard deviation of the outline's blur, pixels: lens, pixel and the mean over 3×3 pixels together.
+    pub blur_px: f64,
 }
 
 /// Finds the grain's outline in a picture.
@@ -209,7 +211,7 @@ fn finish(
     }
     let mut band = outline::BAND;
     let mut rounds = 0;
-    let mut field = loop {
+    let (mut field, blur_px) = loop {
         let excluded = |x: usize, y: usize| {
             let reach = band as f64;
             pedestal.is_some_and(|p| p.below_top(x as f64, y as f64).is_some_and(|d| d > -reach))
@@ -229,10 +231,11 @@ fn finish(
         rounds += 1;
         let placed = field.inside();
         // Out of focus, the levels must be read further away, and half-way may lie beyond the band.
-        let needed = (CLEAR_OF_BLUR * field.blur(placed.edge_length())).ceil() as usize;
+        let blur_px = field.blur(placed.edge_length());
+        let needed = (CLEAR_OF_BLUR * blur_px).ceil() as usize;
         let wider = needed.clamp(band, outline::WIDEST);
         if rounds == MOST_ROUNDS || (wider == band && body.mean_shift(&placed) <= FAR * band as f64) {
-            break field;
+            break (field, blur_px);
         }
         (band, body) = (wider, placed);
     };
@@ -243,7 +246,7 @@ fn finish(
     let silhouette = cropped(picture, plane, &field)
         .ok_or(SilhouetteError::TooSmall { area_px: 0.0, limit_px: settings.min_area_px })?;
     let report = report(frame, scene, seen, &silhouette);
-    Ok(Found { silhouette, report })
+    Ok(Found { silhouette, report, blur_px })
 }
 
 /// The rectangle around the outline and its margin, with distances.
