@@ -327,3 +327,55 @@ fn robust_spread(residuals: &[f64]) -> f64 {
     let middle = sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
     (1.4826 * middle).max(LEAST_SPREAD_PX)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A silhouette of 400 × 400 px from its distance.
+    fn silhouette(distance: impl Fn(f64, f64) -> f64) -> Silhouette {
+        let size = [400, 400];
+        let distance_px =
+            (0..size[0] * size[1]).map(|k| distance((k % 400) as f64, (k / 400) as f64) as f32).collect();
+        Silhouette { picture: [1000, 800], origin: [100, 50], size, distance_px }
+    }
+
+    fn ball(x: f64, y: f64) -> f64 {
+        (x - 203.37).hypot(y - 190.81) - 120.43
+    }
+
+    const PEDESTAL: PedestalSeen =
+        PedestalSeen { top_row: 350.0, top_slope: 0.0, centre_column: 303.0, half_width: 60.0 };
+
+    #[test]
+    fn a_circle_comes_out_to_a_thousandth_of_a_pixel() {
+        let disc = fit_disc(&silhouette(ball), None).unwrap();
+        assert!((disc.radius_px - 120.43).abs() < 1e-3, "{disc:?}");
+        assert!((disc.center_px[0] - 303.37).abs() < 1e-3 && (disc.center_px[1] - 240.81).abs() < 1e-3, "{disc:?}");
+        assert!(disc.ellipticity < 1e-4 && disc.residual_px < 5e-3, "{disc:?}");
+    }
+
+    #[test]
+    fn pedestal_wedge_and_dust_do_not_move_it() {
+        let spoiled = |x: f64, y: f64| {
+            let dust = (x - 90.0).hypot(y - 150.0) - 7.0;
+            // The wedge beside the contact filled, and all cut level with the pedestal's top.
+            let wedge = if (x - 203.0).abs() < 60.0 && y > 280.0 { -3.0 } else { 9.0 };
+            ball(x, y).min(dust).min(wedge).max(y - 300.0)
+        };
+        let disc = fit_disc(&silhouette(spoiled), Some(&PEDESTAL)).unwrap();
+        assert!((disc.radius_px - 120.43).abs() < 0.005, "{disc:?}");
+    }
+
+    #[test]
+    fn what_is_no_ball_is_refused() {
+        let block = |x: f64, y: f64| ((x - 200.0).abs() - 100.0).max((y - 200.0).abs() - 100.0);
+        assert!(matches!(fit_disc(&silhouette(block), None), Err(BallError::NotRound { .. })));
+        let egg = |x: f64, y: f64| ((x - 200.0).hypot((y - 200.0) / 1.05) - 100.0) / 1.02;
+        assert!(matches!(fit_disc(&silhouette(egg), None), Err(BallError::Elliptic { share }) if (share - 0.05).abs() < 0.01));
+        let small = |x: f64, y: f64| (x - 200.0).hypot(y - 200.0) - 15.0;
+        assert!(matches!(fit_disc(&silhouette(small), None), Err(BallError::TooSmall { .. })));
+        let nothing = |_: f64, _: f64| 5.0;
+        assert!(matches!(fit_disc(&silhouette(nothing), None), Err(BallError::TooLittle { .. })));
+    }
+}

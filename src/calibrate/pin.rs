@@ -136,3 +136,46 @@ impl Line {
         super::ball::integrated_correlation(&self.residuals)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An upright body whose sides lie at these columns in each row.
+    fn body(sides: impl Fn(f64) -> [f64; 2]) -> Silhouette {
+        let size = [300, 260];
+        let distance_px = (0..size[0] * size[1])
+            .map(|k| {
+                let (x, y) = ((k % 300) as f64, (k / 300) as f64);
+                let [l, r] = sides(y);
+                (l - x).max(x - r).max(20.0 - y).max(y - 250.0) as f32
+            })
+            .collect();
+        Silhouette { picture: [600, 500], origin: [40, 30], size, distance_px }
+    }
+
+    #[test]
+    fn a_leaning_pin_is_measured_across() {
+        let lean = 0.8f64.to_radians();
+        let half = 61.27;
+        let pin = body(|y| {
+            let middle = 150.0 + lean.tan() * (y - 130.0);
+            [middle - half / lean.cos(), middle + half / lean.cos()]
+        });
+        let sides = fit_sides(&pin).unwrap();
+        assert!((sides.half_width_px - half).abs() < 0.01, "{sides:?}");
+        assert!((sides.center_px[0] - 190.0).abs() < 1.0, "{sides:?}");
+    }
+
+    #[test]
+    fn what_is_no_pin_is_refused() {
+        let cone = body(|y| [150.0 - 0.3 * y, 150.0 + 0.3 * y]);
+        assert!(matches!(fit_sides(&cone), Err(PinError::Crooked { .. })));
+        let step = body(|y| if y > 150.0 { [60.0, 240.0] } else { [90.0, 210.0] });
+        assert!(matches!(fit_sides(&step), Err(PinError::Crooked { .. })));
+        assert!(matches!(fit_sides(&body(|_| [140.0, 165.0])), Err(PinError::TooNarrow { .. })));
+        let mut short = body(|_| [90.0, 210.0]);
+        short.distance_px[60 * 300..].fill(9.0);
+        assert!(matches!(fit_sides(&short), Err(PinError::TooShort { .. })));
+    }
+}

@@ -201,7 +201,8 @@ pub fn pixel_size(sightings: &[Sighting], gauge: &Gauge) -> Result<Scale, ScaleE
     } else {
         0.0
     };
-    if spread > SCATTERED * fit {
+    let perspective = perspective(sightings, gauge, &nearness, orbit.as_ref(), rough);
+    if spread > SCATTERED * fit && spread * (n as f64).sqrt() > perspective {
         warnings.push(format!(
             "the pictures scatter by {:.3} % where their outlines promise {:.3} %: look for dust on the body, and see \
              that neither focus nor light has changed between them",
@@ -209,7 +210,6 @@ pub fn pixel_size(sightings: &[Sighting], gauge: &Gauge) -> Result<Scale, ScaleE
             100.0 * fit * (n as f64).sqrt()
         ));
     }
-    let perspective = perspective(sightings, gauge, &nearness, orbit.as_ref(), rough);
     if perspective > fit.max(spread).max(1e-4) {
         let mut remedies = Vec::new();
         if gauge.camera_distance_mm.is_none() {
@@ -401,4 +401,86 @@ fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     0.5 * (sorted[(sorted.len() - 1) / 2] + sorted[sorted.len() / 2])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MM_PER_PX: f64 = 0.004;
+    const GAUGE: Gauge = Gauge {
+        diameter_mm: 2.0,
+        tolerance_mm: 0.0,
+        camera_distance_mm: None,
+        principal_px: [500.0, 400.0],
+        ball: true,
+        edge_px: 0.0,
+    };
+
+    /// What a pinhole at this distance sees of a 2 mm ball whose centre goes round the axis 0.3 mm away from it.
+    fn seen(distance_mm: f64, angles_deg: &[f64], known: bool) -> Vec<Sighting> {
+        (angles_deg.iter())
+            .map(|a| {
+                let angle = Angle::from_deg(*a);
+                let (sin, cos) = (angle.rad() + 0.7).sin_cos();
+                let depth = distance_mm + 0.3 * sin;
+                Sighting {
+                    radius_px: distance_mm / (depth * depth - 1.0).sqrt() / MM_PER_PX,
+                    sigma_px: 0.01,
+                    center_px: [500.0 + 0.3 * cos * distance_mm / depth / MM_PER_PX, 400.0],
+                    pedestal_column_px: Some(500.0),
+                    angle: known.then_some(angle),
+                }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn with_angles_and_distance_perspective_is_taken_off() {
+        let gauge = Gauge { camera_distance_mm: Some(60.0), ..GAUGE };
+        let scale = pixel_size(&seen(60.0, &[0.0, 36.0, 72.0, 108.0, 144.0], true), &gauge).unwrap();
+        assert!((scale.mm_per_px.value.unwrap() / MM_PER_PX - 1.0).abs() < 3e-5, "{scale:?}");
+        assert!((scale.eccentricity_mm.unwrap() - 0.3).abs() < 2e-3, "{scale:?}");
+        assert!(scale.warnings.is_empty(), "{scale:?}");
+    }
+
+    #[test]
+    fn angles_alone_show_the_distance() {
+        let scale = pixel_size(&seen(60.0, &[0.0, 36.0, 72.0, 108.0, 144.0], true), &GAUGE).unwrap();
+        let distance = scale.camera_distance_mm.value.unwrap();
+        assert!((distance / 60.0 - 1.0).abs() < 0.02, "{scale:?}");
+        let error = (scale.mm_per_px.value.unwrap() / MM_PER_PX - 1.0).abs();
+        assert!(error < 2.0 * scale.parts.sum() && error < 1e-4, "{error} {scale:?}");
+    }
+
+    #[test]
+    fn what_is_not_known_is_in_the_uncertainty() {
+        for distance in [60.0, 120.0, 1e6] {
+            for count in [1, 2, 3, 5] {
+                let angles = [0.0, 36.0, 72.0, 108.0, 144.0];
+                let scale = pixel_size(&seen(distance, &angles[..count], false), &GAUGE).unwrap();
+                let error = (scale.mm_per_px.value.unwrap() / MM_PER_PX - 1.0).abs();
+                assert!(error < 2.0 * scale.parts.sum(), "{distance} mm, {count}: {error} {scale:?}");
+                assert_eq!(scale.warnings.iter().filter(|w| w.contains("perspective leaves")).count(), 1);
+            }
+        }
+        let tolerance = Gauge { tolerance_mm: 0.02, ..GAUGE };
+        let scale = pixel_size(&seen(1e6, &[0.0], false), &tolerance).unwrap();
+        assert!((scale.parts.body - 0.01 / 3f64.sqrt()).abs() < 1e-12);
+        assert!(scale.parts.sum() > scale.parts.body);
+    }
+
+    #[test]
+    fn a_picture_of_another_thing_is_named_and_nonsense_refused() {
+        let mut views = seen(1e6, &[0.0, 36.0, 72.0], true);
+        views[1].radius_px *= 1.02;
+        assert!(matches!(pixel_size(&views, &GAUGE), Err(ScaleError::Disagree { index: 1, .. })));
+        assert_eq!(pixel_size(&[], &GAUGE), Err(ScaleError::NoSightings));
+        for diameter_mm in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            let refused = pixel_size(&views, &Gauge { diameter_mm, ..GAUGE });
+            assert!(matches!(refused, Err(ScaleError::Length { .. })), "{refused:?}");
+        }
+        let near = Gauge { camera_distance_mm: Some(1.5), ..GAUGE };
+        assert!(matches!(pixel_size(&views, &near), Err(ScaleError::TooNear { .. })));
+    }
 }

@@ -5,6 +5,7 @@ use super::progress::Progress;
 use super::signals::stoppable;
 use super::{Common, usage};
 use crate::daemon::{self, Finished, Resumed, ScaleFile};
+use crate::pipeline::OUTLINE;
 use anyhow::Result;
 use clap::Args;
 use std::path::PathBuf;
@@ -22,6 +23,9 @@ pub struct Arguments {
     /// (optics.mm_per_px), and the camera's distance where it was given there.
     #[arg(long, value_name = "FILE")]
     calibration: Option<PathBuf>,
+    /// Draw no outlines over the photographs, and no sheet of the calibration.
+    #[arg(long)]
+    no_pictures: bool,
     /// Write the simulated rig's truth (shape, angles, camera) into this folder.
     #[arg(long, value_name = "DIR")]
     truth: Option<PathBuf>,
@@ -56,6 +60,7 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         config.optics.mm_per_px_sigma = scale.sigma;
         config.optics.camera_distance_mm = scale.camera_distance_mm.or(config.optics.camera_distance_mm);
     }
+    config.report.pictures &= !arguments.no_pictures;
     let control = stoppable();
     let progress = Progress::new();
     let outcome = daemon::capture(
@@ -124,7 +129,12 @@ pub(super) fn summary(done: &Finished) -> String {
             r.mesh.facet_angle_deg.min
         ),
     ];
-    lines.extend(r.products.iter().map(|(kind, path)| format!("{kind:<10} {path}")));
+    let outlines = || r.products.iter().filter(|(kind, _)| kind.starts_with(OUTLINE));
+    let others = r.products.iter().filter(|(kind, _)| !kind.starts_with(OUTLINE));
+    lines.extend(others.map(|(kind, path)| format!("{kind:<10} {path}")));
+    if let Some((_, first)) = outlines().next() {
+        lines.push(format!("outlines   {first} and {} more", outlines().count() - 1));
+    }
     lines.extend(r.warnings.iter().map(|w| format!("note       {w}")));
     lines.join("\n") + "\n"
 }

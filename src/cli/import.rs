@@ -77,6 +77,9 @@ pub struct Arguments {
     /// the pictures after it go on from the one before it.
     #[arg(long, value_name = "INDEX", allow_negative_numbers = true, conflicts_with = "cameras")]
     closing_view: Option<usize>,
+    /// Draw no outlines over the photographs, and no sheet of the calibration.
+    #[arg(long)]
+    no_pictures: bool,
     /// Name of the session, 1 to 64 letters, digits, `.`, `_` or `-`; by default the folder's.
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
@@ -124,6 +127,7 @@ pub(super) fn run(common: &Common, arguments: Arguments) -> Result<()> {
             ImportGeometry::Turntable { table, picture_px: scale.picture_px }
         }
     };
+    config.report.pictures &= !arguments.no_pictures;
     if let Some(asked) = mesh.settings() {
         config.mesh = asked.over(&config.mesh);
     }

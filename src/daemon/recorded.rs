@@ -5,7 +5,7 @@ use super::{DaemonError, Watcher};
 use crate::acquire::{self, Control, Earlier, FrameSink, Outcome, SystemClock};
 use crate::config::Config;
 use crate::geometry::Angle;
-use crate::pipeline::{Cameras, MeshSettings, Pipeline, PipelineError, Reconstruction, View, decode};
+use crate::pipeline::{Cameras, MeshSettings, OUTLINE, Pipeline, PipelineError, Reconstruction, View, decode};
 use crate::rig::Frame;
 use crate::session::event::{Event, Happening};
 use crate::session::replay::replay as play;
@@ -58,13 +58,15 @@ pub(super) fn send_recorded(recording: &Recording, send: &SyncSender<View>) -> R
     Ok(())
 }
 
-/// Computes a session's hull and mesh again and writes the products, with another mesh if wanted.
+/// Computes a session's hull and mesh again and writes the products, with another mesh if wanted, and without pictures
+/// where they are not.
 ///
 /// # Errors
 /// [`DaemonError`]; the session's pictures are only read.
 pub fn reconstruct(
     folder: &Path,
     mesh: Option<&MeshSettings>,
+    pictures: bool,
     watcher: &Watcher,
 ) -> Result<Finished, DaemonError> {
     let mut session = Session::open(folder)?;
@@ -74,6 +76,7 @@ pub fn reconstruct(
     let recording = lock(&session).recording().clone();
     check_views(&recording)?;
     let (_, mut pipeline) = computation(&recording)?;
+    pipeline.settings.report.pictures &= pictures;
     let mesh = mesh.map(|asked| asked.over(&pipeline.settings.mesh));
     if let Some(mesh) = &mesh {
         pipeline.settings.mesh = mesh.clone();
@@ -185,8 +188,12 @@ pub fn replay(folder: &Path, watcher: &Watcher) -> Result<Replayed, DaemonError>
     check_views(&recording)?;
     let (_, mut pipeline) = computation(&recording)?;
     let made_before = made_before(&recording)?;
-    if let Some((_, Some(mesh))) = &made_before {
-        pipeline.settings.mesh = mesh.clone();
+    if let Some((_, mesh)) = &made_before {
+        if let Some(mesh) = mesh {
+            pipeline.settings.mesh = mesh.clone();
+        }
+        // What was not drawn then would only differ.
+        pipeline.settings.report.pictures = recording.products().any(|p| p.file.starts_with(OUTLINE));
     }
     let session = &recording.manifest().name;
     let (send, receive) = sync_channel(WAITING_VIEWS);

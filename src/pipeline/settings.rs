@@ -16,6 +16,22 @@ pub struct Settings {
     pub hull: HullSettings,
     /// The mesh's three controls.
     pub mesh: MeshSettings,
+    /// What is drawn for a person's eye.
+    pub report: ReportSettings,
+}
+
+/// What is drawn for a person's eye.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ReportSettings {
+    /// Whether each view's outline over its photograph, and the sheet of the calibration, are among the products.
+    pub pictures: bool,
+}
+
+impl Default for ReportSettings {
+    fn default() -> Self {
+        Self { pictures: true }
+    }
 }
 
 /// How finely the hull is measured.

@@ -7,7 +7,7 @@ use super::pedestal::{self, Pedestal};
 use super::plane::Plane;
 use super::report::{PedestalSeen, Report, Side};
 use super::search::{Scene, search};
-use super::{Classes, Holes, PedestalMode, Picture, Polarity, Settings, Silhouette, SilhouetteError};
+use super::{Classes, Histogram, Holes, PedestalMode, Picture, Polarity, Settings, Silhouette, SilhouetteError};
 use super::{despeckle, distance, holes, outline, pieces};
 
 /// A threshold this many standard deviations above the background is clear of its noise.
@@ -27,6 +27,9 @@ const WEAK_CONTRAST: f64 = 12.0;
 /// A separability below this is worth a warning.
 const WEAK_SEPARABILITY: f64 = 0.7;
 
+/// Bins of the histogram that is kept for a person's eye.
+const HISTOGRAM_BINS: usize = 128;
+
 /// A silhouette and how it was got.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Found {
@@ -34,6 +37,8 @@ pub struct Found {
     pub silhouette: Silhouette,
     /// How it was found.
     pub report: Report,
+    /// Grey levels near the grain, away from the background towards it: what the thresholds were read off.
+    pub histogram: Histogram,
     /// Standard deviation of the outline's blur, pixels: lens, pixel and the mean over 3×3 pixels together.
     pub blur_px: f64,
 }
@@ -77,6 +82,7 @@ pub fn find(
 /// The pixel-accurate state of affairs in the region.
 struct Seen {
     plane: Plane,
+    histogram: Histogram,
     smooth: Vec<i16>,
     noise: f64,
     threshold_two: f64,
@@ -162,6 +168,7 @@ fn look(
     ];
     Ok(Seen {
         plane,
+        histogram: histogram.coarser(HISTOGRAM_BINS),
         smooth,
         noise,
         threshold_two: two.threshold,
@@ -246,7 +253,7 @@ fn finish(
     let silhouette = cropped(picture, plane, &field)
         .ok_or(SilhouetteError::TooSmall { area_px: 0.0, limit_px: settings.min_area_px })?;
     let report = report(frame, scene, seen, &silhouette);
-    Ok(Found { silhouette, report, blur_px })
+    Ok(Found { silhouette, report, histogram: seen.histogram.clone(), blur_px })
 }
 
 /// The rectangle around the outline and its margin, with distances.
