@@ -64,7 +64,9 @@ pub enum BallError {
         shown: f64,
     },
     /// The picture is too coarse.
-    #[error("the outline's radius is {radius_px:.1} px, at least {LEAST_RADIUS_PX} px are needed; use a larger ball")]
+    #[error(
+        "the outline's radius is {radius_px:.1} px, at least {LEAST_RADIUS_PX} px are needed; use a larger ball"
+    )]
     TooSmall {
         /// Its radius, pixels.
         radius_px: f64,
@@ -150,10 +152,7 @@ pub(super) fn crossings(s: &Silhouette) -> Vec<[f64; 2]> {
         let (a, b) = (f64::from(s.distance_px[y * w + x]), f64::from(s.distance_px[other]));
         if (a < 0.0) != (b < 0.0) {
             let t = a / (a - b);
-            points.push([
-                (s.origin[0] + x) as f64 + t * step[0],
-                (s.origin[1] + y) as f64 + t * step[1],
-            ]);
+            points.push([(s.origin[0] + x) as f64 + t * step[0], (s.origin[1] + y) as f64 + t * step[1]]);
         }
     };
     for y in 0..h {
@@ -351,7 +350,10 @@ mod tests {
     fn a_circle_comes_out_to_a_thousandth_of_a_pixel() {
         let disc = fit_disc(&silhouette(ball), None).unwrap();
         assert!((disc.radius_px - 120.43).abs() < 1e-3, "{disc:?}");
-        assert!((disc.center_px[0] - 303.37).abs() < 1e-3 && (disc.center_px[1] - 240.81).abs() < 1e-3, "{disc:?}");
+        assert!(
+            (disc.center_px[0] - 303.37).abs() < 1e-3 && (disc.center_px[1] - 240.81).abs() < 1e-3,
+            "{disc:?}"
+        );
         assert!(disc.ellipticity < 1e-4 && disc.residual_px < 5e-3, "{disc:?}");
     }
 
@@ -372,7 +374,9 @@ mod tests {
         let block = |x: f64, y: f64| ((x - 200.0).abs() - 100.0).max((y - 200.0).abs() - 100.0);
         assert!(matches!(fit_disc(&silhouette(block), None), Err(BallError::NotRound { .. })));
         let egg = |x: f64, y: f64| ((x - 200.0).hypot((y - 200.0) / 1.05) - 100.0) / 1.02;
-        assert!(matches!(fit_disc(&silhouette(egg), None), Err(BallError::Elliptic { share }) if (share - 0.05).abs() < 0.01));
+        assert!(
+            matches!(fit_disc(&silhouette(egg), None), Err(BallError::Elliptic { share }) if (share - 0.05).abs() < 0.01)
+        );
         let small = |x: f64, y: f64| (x - 200.0).hypot(y - 200.0) - 15.0;
         assert!(matches!(fit_disc(&silhouette(small), None), Err(BallError::TooSmall { .. })));
         let nothing = |_: f64, _: f64| 5.0;

@@ -162,7 +162,7 @@ pub fn pixel_size(sightings: &[Sighting], gauge: &Gauge) -> Result<Scale, ScaleE
 
     // Where the body stands, in the axis' scale; one more round for that would change e by its square over D.
     let orbit = Orbit::of(sightings);
-    let depths_mm: Option<Vec<f64>> = orbit.as_ref().map(|o| o.depths_px.iter().map(|y| y * rough).collect());
+    let depths_mm: Option<Vec<f64>> = orbit.as_ref().map(|o| o.depths.iter().map(|y| y * rough).collect());
     let seen = match (&depths_mm, gauge.camera_distance_mm) {
         (Some(depths), None) => shown_nearness(sightings, depths, radius_px),
         _ => None,
@@ -182,7 +182,8 @@ pub fn pixel_size(sightings: &[Sighting], gauge: &Gauge) -> Result<Scale, ScaleE
             let near = 1.0 + depth_mm * nearness.value;
             // R D / √((D + Y)² − R²) over R, with 1/D for D so that telecentric is 0.
             let seen = 1.0 / (near * near - (radius_mm * nearness.value).powi(2)).sqrt();
-            let longer = if gauge.exact_ball() { 1.0 + elongation(s, gauge, rough, nearness.value) } else { 1.0 };
+            let longer =
+                if gauge.exact_ball() { 1.0 + elongation(s, gauge, rough, nearness.value) } else { 1.0 };
             radius_mm * seen * longer / s.radius_px
         })
         .collect();
@@ -237,13 +238,15 @@ pub fn pixel_size(sightings: &[Sighting], gauge: &Gauge) -> Result<Scale, ScaleE
     let camera_distance_mm = match (gauge.camera_distance_mm, seen) {
         (Some(d), _) => Measured::given(d, None),
         // Only a distance that the pictures tell from infinity.
-        (None, Some((near, sigma))) if near > 3.0 * sigma => Measured::measured(1.0 / near, sigma / near.powi(2)),
+        (None, Some((near, sigma))) if near > 3.0 * sigma => {
+            Measured::measured(1.0 / near, sigma / near.powi(2))
+        }
         _ => Measured::not_observable(),
     };
     Ok(Scale {
         mm_per_px: Measured::measured(value, value * parts.sum()),
         parts,
-        eccentricity_mm: orbit.map(|o| o.radius_px * value),
+        eccentricity_mm: orbit.map(|o| o.radius * value),
         camera_distance_mm,
         each_mm_per_px: each,
         warnings,
@@ -285,14 +288,14 @@ struct Nearness {
     exact: bool,
 }
 
-/// The circle on which the body goes round the axis.
+/// The circle on which the body goes round the axis, in pixels.
 struct Orbit {
-    /// Its radius, pixels.
-    radius_px: f64,
-    /// Standard uncertainty of a depth, pixels.
-    sigma_px: f64,
-    /// How far behind the axis the body stands in each picture, pixels.
-    depths_px: Vec<f64>,
+    /// Its radius.
+    radius: f64,
+    /// Standard uncertainty of a depth.
+    sigma: f64,
+    /// How far behind the axis the body stands in each picture.
+    depths: Vec<f64>,
 }
 
 impl Orbit {
@@ -319,9 +322,9 @@ impl Orbit {
             .sum();
         let free = sightings.len().saturating_sub(3).max(1) as f64;
         Some(Self {
-            radius_px: x[1].hypot(x[2]),
-            sigma_px: (off / free).sqrt() * worse,
-            depths_px: angles.iter().map(|(sin, cos)| x[1] * sin - x[2] * cos).collect(),
+            radius: x[1].hypot(x[2]),
+            sigma: (off / free).sqrt() * worse,
+            depths: angles.iter().map(|(sin, cos)| x[1] * sin - x[2] * cos).collect(),
         })
     }
 }
@@ -343,7 +346,8 @@ fn shown_nearness(sightings: &[Sighting], depths_mm: &[f64], radius_px: f64) -> 
     let off: f64 = (sightings.iter().zip(depths_mm))
         .map(|(s, y)| (s.radius_px / radius_px - 1.0 - x[0] + x[1] * y).powi(2))
         .sum();
-    let own = sightings.iter().map(|s| (s.sigma_px / radius_px).powi(2)).sum::<f64>() / sightings.len() as f64;
+    let own =
+        sightings.iter().map(|s| (s.sigma_px / radius_px).powi(2)).sum::<f64>() / sightings.len() as f64;
     let variance = (off / (sightings.len() - 2) as f64).max(own);
     Some((x[1], (variance * inverse[(1, 1)]).sqrt()))
 }
@@ -367,23 +371,21 @@ fn perspective(
     let radius_mm = 0.5 * gauge.diameter_mm;
     // A one-sided error, anything up to b as likely, has the mean square b²/3.
     let one_sided = 3f64.sqrt();
-    let place = match orbit {
+    let place = if let Some(o) = orbit {
         // What is left is the depths' own uncertainty, and where the distance is open, their mean.
-        Some(o) => {
-            let mean = o.depths_px.iter().sum::<f64>() / n * mm_per_px;
-            let open = if nearness.exact { 0.0 } else { nearness.most - nearness.value };
-            (o.sigma_px * mm_per_px * nearness.most).hypot(mean * open)
-        }
-        None => {
-            let columns = || sightings.iter().map(|s| s.center_px[0]);
-            let (low, high) = columns().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), u| (l.min(u), h.max(u)));
-            let beside = (sightings.iter())
-                .filter_map(|s| s.pedestal_column_px.map(|p| (s.center_px[0] - p).abs()))
-                .fold(0.5 * (high - low), f64::max);
-            let alone = if sightings.len() < 2 { ALONE * radius_mm } else { 0.0 };
-            // Anywhere on its circle: the depth's mean square is half the circle's radius squared.
-            (beside * mm_per_px).max(alone) * nearness.most / 2f64.sqrt()
-        }
+        let mean = o.depths.iter().sum::<f64>() / n * mm_per_px;
+        let open = if nearness.exact { 0.0 } else { nearness.most - nearness.value };
+        (o.sigma * mm_per_px * nearness.most).hypot(mean * open)
+    } else {
+        let columns = || sightings.iter().map(|s| s.center_px[0]);
+        let (low, high) =
+            columns().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), u| (l.min(u), h.max(u)));
+        let beside = (sightings.iter())
+            .filter_map(|s| s.pedestal_column_px.map(|p| (s.center_px[0] - p).abs()))
+            .fold(0.5 * (high - low), f64::max);
+        let alone = if sightings.len() < 2 { ALONE * radius_mm } else { 0.0 };
+        // Anywhere on its circle: the depth's mean square is half the circle's radius squared.
+        (beside * mm_per_px).max(alone) * nearness.most / 2f64.sqrt()
     };
     let bulge = |near: f64| 0.5 * (radius_mm * near).powi(2);
     let size = if nearness.exact { 0.0 } else { (bulge(nearness.most) - bulge(nearness.value)) / one_sided };

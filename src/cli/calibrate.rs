@@ -120,7 +120,9 @@ fn whole_name(path: &Path) -> Result<(PathBuf, String)> {
     let folder = path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
     match path.file_name().and_then(|n| n.to_str()) {
         Some(name) if !path.is_dir() => Ok((folder.to_owned(), name.to_owned())),
-        _ => Err(usage(format!("--out {} is no name for a file; give one such as scale.json", path.display()))),
+        _ => {
+            Err(usage(format!("--out {} is no name for a file; give one such as scale.json", path.display())))
+        }
     }
 }
 

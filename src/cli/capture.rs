@@ -20,7 +20,7 @@ pub struct Arguments {
     #[arg(long, value_name = "COUNT", allow_negative_numbers = true)]
     views: Option<u32>,
     /// A file of `grainrig calibrate scale`, which sets the size of a pixel instead of the configuration
-    /// (optics.mm_per_px), and the camera's distance where it was given there.
+    /// (`optics.mm_per_px`), and the camera's distance where it was given there.
     #[arg(long, value_name = "FILE")]
     calibration: Option<PathBuf>,
     /// Draw no outlines over the photographs, and no sheet of the calibration.

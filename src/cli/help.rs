@@ -20,8 +20,8 @@ Examples:
 
 Ctrl-C finishes the view in hand; a second one stops at once. Either way, and after a power failure,
 `grainrig resume NAME` goes on. The session is the folder NAME in the data folder: frames/ has the
-camera's own files, products/ has grain.inp (Abaqus), grain.vtu (ParaView), grain.stl and result.json
-(figures; lengths in mm).";
+camera's own files, products/ has grain.inp (Abaqus), grain.vtu (ParaView), grain.stl, result.json
+(figures; lengths in mm), each view's outline over its photograph and a calibration sheet.";
 
 pub(super) const RESUME: &str = "\
 Examples:

@@ -125,8 +125,14 @@ pub fn run() -> ExitCode {
         .init();
     signals::survive_file_limit();
     let common = &cli.common;
-    if !matches!(cli.command, Command::Serve(_) | Command::Capture(_) | Command::Import(_) | Command::Calibrate(_) | Command::Devices)
-    {
+    if !matches!(
+        cli.command,
+        Command::Serve(_)
+            | Command::Capture(_)
+            | Command::Import(_)
+            | Command::Calibrate(_)
+            | Command::Devices
+    ) {
         common.without_config();
     }
     let outcome = match cli.command {
@@ -174,9 +180,16 @@ fn is_usage(error: &anyhow::Error) -> bool {
             || cause.downcast_ref().is_some_and(session_usage)
             || cause.downcast_ref().is_some_and(mesh_usage)
             || match cause.downcast_ref::<DaemonError>() {
-                Some(DaemonError::Config(_) | DaemonError::Pipeline(PipelineError::Setting { .. })) => true,
-                Some(DaemonError::Calibration { .. } | DaemonError::Angles { .. } | DaemonError::OtherSize { .. }) => true,
-                Some(DaemonError::Scale(e)) => matches!(e, ScaleError::Length { .. } | ScaleError::TooNear { .. }),
+                Some(
+                    DaemonError::Config(_)
+                    | DaemonError::Calibration { .. }
+                    | DaemonError::Angles { .. }
+                    | DaemonError::OtherSize { .. }
+                    | DaemonError::Pipeline(PipelineError::Setting { .. }),
+                ) => true,
+                Some(DaemonError::Scale(e)) => {
+                    matches!(e, ScaleError::Length { .. } | ScaleError::TooNear { .. })
+                }
                 Some(DaemonError::Session(e)) => session_usage(e),
                 Some(DaemonError::Pipeline(PipelineError::Mesh(e))) => mesh_usage(e),
                 _ => false,

@@ -58,7 +58,12 @@ pub struct ReplayArguments {
 pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let folder = super::session_folder(common, &arguments.session)?;
     let progress = Progress::new();
-    let outcome = daemon::reconstruct(&folder, arguments.mesh.settings().as_ref(), !arguments.no_pictures, &progress.watcher());
+    let outcome = daemon::reconstruct(
+        &folder,
+        arguments.mesh.settings().as_ref(),
+        !arguments.no_pictures,
+        &progress.watcher(),
+    );
     progress.finish();
     report(common, &outcome?)
 }

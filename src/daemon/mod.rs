@@ -112,7 +112,9 @@ pub enum DaemonError {
     #[error(transparent)]
     Scale(#[from] ScaleError),
     /// More or fewer angles than pictures.
-    #[error("{angles} angle(s) are given for {pictures} picture(s); give one for each, in the order of the names")]
+    #[error(
+        "{angles} angle(s) are given for {pictures} picture(s); give one for each, in the order of the names"
+    )]
     Angles {
         /// Angles given.
         angles: usize,

@@ -111,7 +111,10 @@ impl ScaleFile {
             return Err(bad(format!("its \"kind\" is {}, not \"{KIND}\"", value["kind"])));
         }
         if value["version"] != VERSION {
-            return Err(bad(format!("its \"version\" is {}, this program reads {VERSION}", value["version"])));
+            return Err(bad(format!(
+                "its \"version\" is {}, this program reads {VERSION}",
+                value["version"]
+            )));
         }
         let file: Self = serde_json::from_value(value).map_err(|e| bad(e.to_string()))?;
         file.check().map_err(bad)?;

@@ -109,8 +109,10 @@ pub fn calibrate_scale(request: &ScaleRequest) -> Result<ScaleFile, DaemonError>
 }
 
 fn picture(image: &SourceImage) -> Result<Picture, DaemonError> {
-    decode(&image.read()?.bytes)
-        .map_err(|reason| DaemonError::Body { file: image.name.clone(), reason: format!("{reason}; take it again") })
+    decode(&image.read()?.bytes).map_err(|reason| DaemonError::Body {
+        file: image.name.clone(),
+        reason: format!("{reason}; take it again"),
+    })
 }
 
 impl ScaleRequest {

@@ -29,9 +29,15 @@ pub(super) fn outlines(taken: &[Taken], axis: Option<&AxisResult>) -> Result<Vec
         };
         let shot = t.shot.as_ref()?;
         let drawn = shot.drawn(&t.silhouette, &marks);
-        Some(drawn.map(|bytes| Product { kind: file.trim_end_matches(".png").into(), file: file.clone(), bytes }).map_err(
-            |e| PipelineError::Drawing { file: file.clone(), reason: e.to_string() },
-        ))
+        Some(
+            drawn
+                .map(|bytes| Product {
+                    kind: file.trim_end_matches(".png").into(),
+                    file: file.clone(),
+                    bytes,
+                })
+                .map_err(|e| PipelineError::Drawing { file: file.clone(), reason: e.to_string() }),
+        )
     };
     taken.par_iter().filter_map(one).collect()
 }
@@ -39,8 +45,8 @@ pub(super) fn outlines(taken: &[Taken], axis: Option<&AxisResult>) -> Result<Vec
 /// The sheet of the calibration, as SVG and PNG.
 pub(super) fn sheet_files(sheet: &Sheet) -> Result<[Product; 2], PipelineError> {
     let file = |ending: &str| format!("{SHEET}.{ending}");
-    let png = (sheet.png())
-        .map_err(|e| PipelineError::Drawing { file: file("png"), reason: e.to_string() })?;
+    let png =
+        (sheet.png()).map_err(|e| PipelineError::Drawing { file: file("png"), reason: e.to_string() })?;
     Ok([
         Product { kind: SHEET.into(), file: file("svg"), bytes: sheet.svg() },
         Product { kind: format!("{SHEET}_png"), file: file("png"), bytes: png },
@@ -67,8 +73,10 @@ pub(super) fn sheet(
         ));
     }
     let of_views = |name: &str, value: &dyn Fn(&Taken) -> f64| {
-        let (low, high) =
-            taken.iter().map(value).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        let (low, high) = taken
+            .iter()
+            .map(value)
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
         format!("{name} {low:.2} to {high:.2}")
     };
     figures.push(format!(
@@ -80,9 +88,9 @@ pub(super) fn sheet(
         of_views("", &|t| t.found.blur_px).trim()
     ));
     let mut all: Vec<String> = warnings.to_vec();
-    let of_one = taken.iter().flat_map(|t| {
-        t.found.report.warnings.iter().map(move |w| format!("view {}: {w}", t.index))
-    });
+    let of_one = taken
+        .iter()
+        .flat_map(|t| t.found.report.warnings.iter().map(move |w| format!("view {}: {w}", t.index)));
     let each: Vec<String> = of_one.collect();
     all.extend(each.iter().take(MOST_WARNINGS).cloned());
     if each.len() > MOST_WARNINGS {
@@ -104,7 +112,8 @@ fn scale_in_words(cameras: &Cameras) -> String {
         || "its uncertainty is not known".to_owned(),
         |s| format!("± {s:.7} ({:.4} %, one standard deviation)", 100.0 * s / table.mm_per_px),
     );
-    let lens = table.camera_distance_mm.map_or("telecentric".to_owned(), |d| format!("camera {d} mm from the axis"));
+    let lens =
+        table.camera_distance_mm.map_or("telecentric".to_owned(), |d| format!("camera {d} mm from the axis"));
     format!("scale: {:.7} mm per pixel at the axis, {sigma}; {lens}", table.mm_per_px)
 }
 
@@ -131,7 +140,11 @@ fn extents(taken: &[Taken], axis: Option<&AxisResult>) -> Panel {
     Panel {
         title: "ends of the outline, column in px".into(),
         abscissa: "angle of the table, °".into(),
-        series: vec![series("left", false, side(0)), series("right", false, side(1)), series("middle", false, middle)],
+        series: vec![
+            series("left", false, side(0)),
+            series("right", false, side(1)),
+            series("middle", false, middle),
+        ],
         marks: axis.iter().map(|a| Mark::Level("axis".into(), a.axis_column_px)).collect(),
     }
 }
@@ -140,7 +153,8 @@ fn extents(taken: &[Taken], axis: Option<&AxisResult>) -> Panel {
 fn histogram(taken: &[Taken]) -> Panel {
     let Some(first) = taken.first() else { return Panel::default() };
     let report = &first.found.report;
-    let counts = (first.found.histogram.bins()).map(|(level, n)| point(level, ((1 + n) as f64).log10())).collect();
+    let counts =
+        (first.found.histogram.bins()).map(|(level, n)| point(level, ((1 + n) as f64).log10())).collect();
     let upright = |name: &str, at: f64| Mark::Upright(name.into(), at);
     Panel {
         title: format!("view {}: grey levels near the grain, log10 of pixels", first.index),

@@ -1,9 +1,7 @@
 //! All views are in: axis, cameras, hull, mesh.
 
 use super::result::{AxisResult, HullResult, MeshResult, ResultFile, Timing, ViewResult};
-use super::{
-    Cameras, LengthUnit, Observer, PipelineError, Product, Settings, TurntableSettings, pictures,
-};
+use super::{Cameras, LengthUnit, Observer, PipelineError, Product, Settings, TurntableSettings, pictures};
 use crate::calibrate::{Axis, AxisMethod, Turntable, find_axis};
 use crate::geometry::{Angle, Projection};
 use crate::hull::{Cone, HullGrid, VisualHull, find_bounds, silhouette_iou};
@@ -193,8 +191,8 @@ pub(super) fn reconstruct(
     }
     let start = Instant::now();
     let outlines = pictures::outlines(taken, axis.as_ref())?;
-    let sheet = (settings.report.pictures)
-        .then(|| pictures::sheet(cameras, taken, &views, axis.as_ref(), &warnings));
+    let sheet =
+        (settings.report.pictures).then(|| pictures::sheet(cameras, taken, &views, axis.as_ref(), &warnings));
     let report_s = start.elapsed().as_secs_f64();
     let silhouette_s = taken.iter().map(|t| t.seconds).sum::<f64>();
     Ok(Reconstruction {

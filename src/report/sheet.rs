@@ -174,7 +174,10 @@ impl Scale {
         let first = (self.low / step).ceil();
         let last = (self.high / step).floor();
         let decimals = (-step.log10().floor()).clamp(0.0, 9.0) as usize;
-        ((0..=(last - first).clamp(0.0, 100.0) as usize).map(|k| (first + k as f64) * step).collect(), decimals)
+        (
+            (0..=(last - first).clamp(0.0, 100.0) as usize).map(|k| (first + k as f64) * step).collect(),
+            decimals,
+        )
     }
 }
 
@@ -183,8 +186,10 @@ impl Panel {
         let (x0, x1) = (left + ROOM[0], left + width - ROOM[2]);
         let (y0, y1) = (top + ROOM[1], top + height - ROOM[3]);
         let points = || self.series.iter().flat_map(|s| &s.points);
-        let uprights = self.marks.iter().filter_map(|m| if let Mark::Upright(_, x) = m { Some(*x) } else { None });
-        let levels = self.marks.iter().filter_map(|m| if let Mark::Level(_, y) = m { Some(*y) } else { None });
+        let uprights =
+            self.marks.iter().filter_map(|m| if let Mark::Upright(_, x) = m { Some(*x) } else { None });
+        let levels =
+            self.marks.iter().filter_map(|m| if let Mark::Level(_, y) = m { Some(*y) } else { None });
         let across = Scale::over(points().map(|p| p.x).chain(uprights), x0, x1, 0.02);
         let reach = points().flat_map(|p| [p.y - p.sigma.unwrap_or(0.0), p.y + p.sigma.unwrap_or(0.0)]);
         let up = Scale::over(reach.chain(levels), y1, y0, 0.06);
@@ -277,9 +282,13 @@ mod tests {
         let odd = [f64::NAN, f64::INFINITY, 2.0].map(|y| Point { x: 1.0, y, sigma: Some(f64::NAN) });
         let series = Series { name: "a < b & c".into(), points: odd.into(), joined: false };
         let panel = Panel { series: vec![series], ..Panel::default() };
-        let sheet = Sheet { title: "σ − ☂".into(), panels: vec![panel, Panel::default()], ..Sheet::default() };
+        let sheet =
+            Sheet { title: "σ − ☂".into(), panels: vec![panel, Panel::default()], ..Sheet::default() };
         let text = String::from_utf8(sheet.svg()).unwrap();
-        assert!(text.contains("a &lt; b &amp; c") && text.contains("sd - ?") && !text.contains("NaN"), "{text}");
+        assert!(
+            text.contains("a &lt; b &amp; c") && text.contains("sd - ?") && !text.contains("NaN"),
+            "{text}"
+        );
         assert_eq!(text.matches("<circle").count(), 1);
         let png = sheet.png().unwrap();
         assert_eq!(png, sheet.png().unwrap());

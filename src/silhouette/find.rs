@@ -7,7 +7,9 @@ use super::pedestal::{self, Pedestal};
 use super::plane::Plane;
 use super::report::{PedestalSeen, Report, Side};
 use super::search::{Scene, search};
-use super::{Classes, Histogram, Holes, PedestalMode, Picture, Polarity, Settings, Silhouette, SilhouetteError};
+use super::{
+    Classes, Histogram, Holes, PedestalMode, Picture, Polarity, Settings, Silhouette, SilhouetteError,
+};
 use super::{despeckle, distance, holes, outline, pieces};
 
 /// A threshold this many standard deviations above the background is clear of its noise.
