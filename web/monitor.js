@@ -122,7 +122,7 @@ function showHull() {
 }
 
 function showResult() {
-  const all = status.result === null ? [] : leaves(status.result).filter(({ path }) => !path.startsWith("view_details."));
+  const all = status.result === null ? [] : leaves(status.result).filter(({ path }) => !/^(view_details\.|products\.outline_)/.test(path));
   part("no-result").hidden = all.length > 0;
   part("headline").replaceChildren(
     ...headlines(all).map(({ label, value, how }) =>

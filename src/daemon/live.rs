@@ -113,7 +113,7 @@ pub fn resume(folder: &Path, control: &Control, watcher: &Watcher) -> Result<Res
         return Ok(Resumed::NothingToDo { session, views, result });
     }
     let (config, _) = computation(recording)?;
-    let mesh = made_before(recording)?.and_then(|(_, mesh)| mesh);
+    let mesh = made_before(recording)?.and_then(|before| before.mesh);
     if manifest.origin == Origin::Import {
         // No rig can take somebody else's photographs again.
         check_views(recording)?;

@@ -5,7 +5,9 @@ use super::{DaemonError, Watcher};
 use crate::acquire::{self, Control, Earlier, FrameSink, Outcome, SystemClock};
 use crate::config::Config;
 use crate::geometry::Angle;
-use crate::pipeline::{Cameras, MeshSettings, Pipeline, PipelineError, Reconstruction, View, decode};
+use crate::pipeline::{
+    Cameras, MeshSettings, OUTLINE, Pipeline, PipelineError, Reconstruction, View, decode,
+};
 use crate::rig::Frame;
 use crate::session::event::{Event, Happening};
 use crate::session::replay::replay as play;
@@ -58,13 +60,15 @@ pub(super) fn send_recorded(recording: &Recording, send: &SyncSender<View>) -> R
     Ok(())
 }
 
-/// Computes a session's hull and mesh again and writes the products, with another mesh if wanted.
+/// Computes a session's hull and mesh again and writes the products, with another mesh if wanted, and without pictures
+/// where they are not.
 ///
 /// # Errors
 /// [`DaemonError`]; the session's pictures are only read.
 pub fn reconstruct(
     folder: &Path,
     mesh: Option<&MeshSettings>,
+    pictures: bool,
     watcher: &Watcher,
 ) -> Result<Finished, DaemonError> {
     let mut session = Session::open(folder)?;
@@ -74,6 +78,7 @@ pub fn reconstruct(
     let recording = lock(&session).recording().clone();
     check_views(&recording)?;
     let (_, mut pipeline) = computation(&recording)?;
+    pipeline.settings.report.pictures &= pictures;
     let mesh = mesh.map(|asked| asked.over(&pipeline.settings.mesh));
     if let Some(mesh) = &mesh {
         pipeline.settings.mesh = mesh.clone();
@@ -92,22 +97,31 @@ pub(super) fn check_views(recording: &Recording) -> Result<(), DaemonError> {
     Ok(())
 }
 
-/// Timing and mesh of the newest products, where there are any.
-pub(super) fn made_before(
-    recording: &Recording,
-) -> Result<Option<(serde_json::Value, Option<MeshSettings>)>, DaemonError> {
+/// What is known of the newest products.
+pub(super) struct MadeBefore {
+    /// Their timing.
+    pub timing_s: serde_json::Value,
+    /// The mesh that was asked for otherwise than the frozen configuration says.
+    pub mesh: Option<MeshSettings>,
+    /// Whether drawings are among them.
+    pub pictures: bool,
+}
+
+/// What is known of the newest products, where there are any.
+pub(super) fn made_before(recording: &Recording) -> Result<Option<MadeBefore>, DaemonError> {
     let newest = recording.events().iter().rev().find_map(|e| match &e.what {
-        Happening::Products { timing_s, settings, .. } => Some((timing_s, settings)),
+        Happening::Products { files, timing_s, settings } => Some((files, timing_s, settings)),
         _ => None,
     });
-    let Some((timing_s, settings)) = newest else { return Ok(None) };
+    let Some((files, timing_s, settings)) = newest else { return Ok(None) };
     let frozen = |e: serde_json::Error| DaemonError::Frozen {
         session: recording.manifest().name.clone(),
         part: "mesh settings",
         reason: e.to_string(),
     };
     let mesh = settings.as_ref().map(|s| serde_json::from_value(s.clone()).map_err(frozen)).transpose()?;
-    Ok(Some((timing_s.clone(), mesh)))
+    let pictures = files.iter().any(|f| f.file.starts_with(OUTLINE));
+    Ok(Some(MadeBefore { timing_s: timing_s.clone(), mesh, pictures }))
 }
 
 /// Runs the pipeline over the recorded views, journalling what happens.
@@ -185,8 +199,12 @@ pub fn replay(folder: &Path, watcher: &Watcher) -> Result<Replayed, DaemonError>
     check_views(&recording)?;
     let (_, mut pipeline) = computation(&recording)?;
     let made_before = made_before(&recording)?;
-    if let Some((_, Some(mesh))) = &made_before {
-        pipeline.settings.mesh = mesh.clone();
+    if let Some(before) = &made_before {
+        if let Some(mesh) = &before.mesh {
+            pipeline.settings.mesh = mesh.clone();
+        }
+        // What was not drawn then would only differ.
+        pipeline.settings.report.pictures = before.pictures;
     }
     let session = &recording.manifest().name;
     let (send, receive) = sync_channel(WAITING_VIEWS);
@@ -210,7 +228,7 @@ pub fn replay(folder: &Path, watcher: &Watcher) -> Result<Replayed, DaemonError>
             }
         }
     })?;
-    let Some((timing, _)) = made_before else {
+    let Some(MadeBefore { timing_s, .. }) = made_before else {
         let mut session = Session::open(folder)?;
         let watch = Arc::clone(watcher);
         session.observe(move |e| watch(e));
@@ -218,7 +236,7 @@ pub fn replay(folder: &Path, watcher: &Watcher) -> Result<Replayed, DaemonError>
         return Ok(Replayed { finished, differs: Vec::new() });
     };
     let software = &recording.manifest().software;
-    let files = finish::render(&made, software, session, timing)?;
+    let files = finish::render(&made, software, session, timing_s)?;
     let differs = finish::compare(&recording, files)?;
     let records = recording.products().cloned().collect();
     let finished = finish::finished(&made, software, recording.folder(), session, records);

@@ -70,7 +70,7 @@ pub(super) fn cameras_of(
 
 fn known(table: &TurntableSettings, origin_row_px: f64) -> Known {
     Known {
-        mm_per_px: calibrate::Measured::given(table.mm_per_px, None),
+        mm_per_px: calibrate::Measured::given(table.mm_per_px, table.mm_per_px_sigma),
         origin_row_px,
         camera_distance_mm: table.camera_distance_mm,
         axis_column_px: table.axis_column_px,

@@ -6,6 +6,7 @@
 
 mod cameras;
 mod decode;
+mod pictures;
 mod products;
 mod reconstruct;
 mod result;
@@ -14,10 +15,13 @@ mod stand;
 mod stream;
 
 pub use decode::decode;
+pub use pictures::{OUTLINE, SHEET};
 pub use products::{Product, products};
 pub use reconstruct::{Reconstruction, Taken};
 pub use result::{AxisResult, HullResult, MeshResult, ResultFile, Timing, ViewResult};
-pub use settings::{Cameras, HullSettings, LengthUnit, MeshSettings, Settings, TurntableSettings};
+pub use settings::{
+    Cameras, HullSettings, LengthUnit, MeshSettings, ReportSettings, Settings, TurntableSettings,
+};
 pub use stand::ContactPatch;
 pub use stream::{Observer, Pipeline, View};
 
@@ -117,6 +121,14 @@ pub enum PipelineError {
     /// The hull can't be meshed.
     #[error(transparent)]
     Mesh(#[from] MeshError),
+    /// A picture can't be drawn.
+    #[error("{file} cannot be drawn: {reason}; run without pictures (--no-pictures)")]
+    Drawing {
+        /// The product.
+        file: String,
+        /// What the encoder says.
+        reason: String,
+    },
     /// A product can't be written.
     #[error(transparent)]
     Export(#[from] ExportError),

@@ -3,11 +3,12 @@
 use super::cameras::{Measured, cameras_of};
 use super::result::{AxisResult, HullResult, MeshResult, ResultFile, Timing, ViewResult};
 use super::stand::contact_patch;
-use super::{Cameras, LengthUnit, Observer, PipelineError, Settings, TurntableSettings};
+use super::{Cameras, LengthUnit, Observer, PipelineError, Product, Settings, TurntableSettings, pictures};
 use crate::calibrate::{Calibration, Turntable};
 use crate::geometry::Angle;
 use crate::hull::{Cone, HullGrid, VisualHull, find_bounds, silhouette_iou};
 use crate::mesh::{Controls, TetMesh, mesh};
+use crate::report::{Sheet, Shot};
 use crate::session::event::{Happening, Role};
 use crate::silhouette::{Found, Silhouette, Stand};
 use std::collections::BTreeMap;
@@ -33,6 +34,8 @@ pub struct Taken {
     pub silhouette: Arc<Silhouette>,
     /// How it was found.
     pub found: Found,
+    /// The grain's surroundings, where pictures were asked for.
+    pub shot: Option<Shot>,
     /// What decoding and cutting out took, seconds.
     pub seconds: f64,
 }
@@ -58,6 +61,10 @@ pub struct Reconstruction {
     pub tetrahedra: TetMesh,
     /// The controls that the mesh keeps.
     pub controls: Controls,
+    /// Each view's outline over its photograph; empty where no pictures were asked for.
+    pub outlines: Vec<Product>,
+    /// The sheet of the calibration, where pictures were asked for.
+    pub sheet: Option<Sheet>,
     /// Seconds each stage took.
     pub timing_s: Timing,
     /// What a person should know.
@@ -189,6 +196,11 @@ pub(super) fn reconstruct(
             tetrahedra.dropped_pieces
         ));
     }
+    let start = Instant::now();
+    let outlines = pictures::outlines(taken, axis.as_ref())?;
+    let sheet =
+        (settings.report.pictures).then(|| pictures::sheet(cameras, taken, &views, axis.as_ref(), &warnings));
+    let report_s = start.elapsed().as_secs_f64();
     let silhouette_s = taken.iter().map(|t| t.seconds).sum::<f64>();
     Ok(Reconstruction {
         hull: HullResult::new(&measures, &voxels, &ious, patch, metric),
@@ -199,13 +211,16 @@ pub(super) fn reconstruct(
         stand,
         calibration,
         controls,
+        outlines,
+        sheet,
         tetrahedra,
         timing_s: Timing {
             silhouette: silhouette_s,
             calibrate: calibrate_s,
             hull: hull_s,
             mesh: mesh_s,
-            total: silhouette_s + calibrate_s + hull_s + mesh_s,
+            report: report_s,
+            total: silhouette_s + calibrate_s + hull_s + mesh_s + report_s,
         },
         warnings,
     })

@@ -187,6 +187,8 @@ pub struct Timing {
     pub hull: f64,
     /// Meshing.
     pub mesh: f64,
+    /// Drawing the outlines.
+    pub report: f64,
     /// All of these.
     pub total: f64,
 }

@@ -6,6 +6,7 @@ use super::{Cameras, PipelineError, Settings, decode};
 use crate::calibrate::Turntable;
 use crate::geometry::{Aabb, Angle, Point};
 use crate::hull::{Cone, HullGrid};
+use crate::report::Shot;
 use crate::session::event::{Happening, Role};
 use crate::silhouette::{self, Picture};
 use std::collections::BTreeMap;
@@ -170,6 +171,7 @@ impl Pipeline {
             role: view.role,
             angle: view.angle,
             silhouette: Arc::new(found.silhouette.clone()),
+            shot: self.settings.report.pictures.then(|| Shot::of(&picture, &found.silhouette)),
             found,
             seconds: start.elapsed().as_secs_f64(),
         })

@@ -7,7 +7,9 @@ use super::pedestal::{self, Pedestal};
 use super::plane::Plane;
 use super::report::{PedestalSeen, Report, Side};
 use super::search::{Scene, search};
-use super::{Classes, Holes, PedestalMode, Picture, Polarity, Settings, Silhouette, SilhouetteError, Uncut};
+use super::{
+    Classes, Histogram, Holes, PedestalMode, Picture, Polarity, Settings, Silhouette, SilhouetteError, Uncut,
+};
 use super::{despeckle, distance, holes, outline, pieces, plain, recut, shine};
 
 /// A threshold this many standard deviations above the background is clear of its noise.
@@ -29,6 +31,9 @@ const WEAK_CONTRAST: f64 = 12.0;
 /// A separability below this is worth a warning.
 const WEAK_SEPARABILITY: f64 = 0.7;
 
+/// Bins of the histogram that is kept for a person's eye.
+const HISTOGRAM_BINS: usize = 128;
+
 /// A silhouette and how it was got.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Found {
@@ -38,6 +43,10 @@ pub struct Found {
     pub report: Report,
     /// The outline before the pedestal was cut off, near its top; `None` where none was.
     pub uncut: Option<Uncut>,
+    /// Grey levels near the grain, away from the background towards it: what the thresholds were read off.
+    pub histogram: Histogram,
+    /// Standard deviation of the outline's blur, pixels: lens, pixel and the mean over 3×3 pixels together.
+    pub blur_px: f64,
 }
 
 /// Finds the grain's outline in a picture.
@@ -79,6 +88,7 @@ pub fn find(
 /// The pixel-accurate state of affairs in the region.
 struct Seen {
     plane: Plane,
+    histogram: Histogram,
     smooth: Vec<i16>,
     noise: f64,
     threshold_two: f64,
@@ -182,6 +192,7 @@ fn look(
     ];
     Ok(Seen {
         plane,
+        histogram: histogram.coarser(HISTOGRAM_BINS),
         smooth,
         noise,
         threshold_two: two.threshold,
@@ -237,7 +248,7 @@ fn finish(
     }
     let mut band = outline::BAND;
     let mut rounds = 0;
-    let mut blur = outline::IN_FOCUS;
+    let mut blur_px = outline::IN_FOCUS;
     let mut field = loop {
         let excluded = |x: usize, y: usize| {
             let reach = band as f64;
@@ -248,7 +259,7 @@ fn finish(
             &Parts {
                 body: &body,
                 band,
-                blur,
+                blur: blur_px,
                 smooth: &seen.smooth,
                 occupied,
                 excluded: &excluded,
@@ -259,8 +270,8 @@ fn finish(
         rounds += 1;
         let placed = field.inside();
         // Out of focus, the levels must be read further away, and half-way may lie beyond the band.
-        blur = field.blur(placed.edge_length());
-        let needed = (CLEAR_OF_BLUR * blur).ceil() as usize;
+        blur_px = field.blur(placed.edge_length());
+        let needed = (CLEAR_OF_BLUR * blur_px).ceil() as usize;
         let wider = needed.clamp(band, outline::WIDEST);
         if rounds == MOST_ROUNDS || (wider == band && body.mean_shift(&placed) <= FAR * band as f64) {
             break field;
@@ -283,7 +294,7 @@ fn finish(
     report.shift_otsu_two_px = shift(report.area_otsu_two_px);
     report.shift_otsu_three_px = shift(report.area_otsu_three_px);
     let uncut = whole.zip(report.pedestal).map(|(whole, p)| uncut(plane, &silhouette, &whole, p.top_row));
-    Ok(Found { silhouette, report, uncut })
+    Ok(Found { silhouette, report, uncut, histogram: seen.histogram.clone(), blur_px })
 }
 
 /// The last rows of a silhouette's rectangle, from a little above the pedestal's top on, before the cut.
