@@ -343,15 +343,14 @@ mod tests {
         (x - 203.37).hypot(y - 190.81) - 120.43
     }
 
-    const PEDESTAL: PedestalSeen =
-        PedestalSeen {
-            top_row: 350.0,
-            top_slope: 0.0,
-            centre_column: 303.0,
-            half_width: 60.0,
-            blur: 1.0,
-            top_seen: true,
-        };
+    const PEDESTAL: PedestalSeen = PedestalSeen {
+        top_row: 350.0,
+        top_slope: 0.0,
+        centre_column: 303.0,
+        half_width: 60.0,
+        blur: 1.0,
+        top_seen: true,
+    };
 
     #[test]
     fn a_circle_comes_out_to_a_thousandth_of_a_pixel() {

@@ -24,6 +24,9 @@ const NEAREST_HEIGHTS: f64 = 2.0;
 /// The axis' column before it is measured, and the pedestal's eccentricity, pixels.
 const COLUMN_SIGMA_PX: f64 = 1e3;
 const PEDESTAL_ECCENTRICITY_PX: f64 = 50.0;
+/// How far a tube is from parallel to the axis, and the least scatter of its lean that is believed, radians.
+const PEDESTAL_TILT_RAD: f64 = 0.01;
+const LEAST_LEAN_SIGMA_RAD: f64 = 1e-4;
 /// Places of the parameters: c, roll, q, p, then every view's shift, then every view's angle.
 pub(super) const ROLL: usize = 1;
 pub(super) const RECIPROCAL: usize = 2;
@@ -41,8 +44,17 @@ const LEAST_PEDESTALS: usize = 6;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sample<'a> {
     pub silhouette: &'a Silhouette,
-    /// Column and row of the pedestal's top, where it was seen.
-    pub pedestal: Option<[f64; 2]>,
+    /// The pedestal, where it was seen.
+    pub pedestal: Option<Upright>,
+}
+
+/// A pedestal in a picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Upright {
+    /// Column and row of the middle of its top.
+    pub top_px: [f64; 2],
+    /// How far it leans to smaller columns towards its top, radians.
+    pub lean_rad: f64,
 }
 
 /// What holds a parameter before the pictures are asked: value and standard deviation.
@@ -121,8 +133,10 @@ struct Round<'a> {
     side: Vec<f64>,
     y: DMatrix<f64>,
     regressors: Vec<DMatrix<f64>>,
-    /// Pedestals' places right of the line, by view.
-    pedestals: Vec<(usize, f64)>,
+    /// Pedestals' places right of the line, and their leans beyond the line's, by view.
+    pedestals: Vec<(usize, f64, f64)>,
+    /// Standard deviation of a lean, radians.
+    lean_sigma_rad: f64,
     angles: &'a [f64],
     /// Of the shared parameters.
     priors: [Prior; SHARED],
@@ -164,6 +178,7 @@ pub(super) fn fit(
         let mut spread = hyper.unwrap_or(Hyper {
             curvature_px: (0.2 * mean_reach_px).max(1.0),
             alike: 0.3,
+            edge_px: 0.3,
             noise_px: 0.1,
             wobble_px: 0.3,
             pedestal_px: 0.1,
@@ -220,11 +235,21 @@ impl<'a> Round<'a> {
         hyper: &Hyper,
     ) -> Option<Self> {
         let (n, m) = (views.len(), profiles.z_px.len());
-        let t: Vec<f64> = angles.iter().map(|a| a + std::f64::consts::PI).chain(angles.iter().copied()).collect();
+        let t: Vec<f64> =
+            angles.iter().map(|a| a + std::f64::consts::PI).chain(angles.iter().copied()).collect();
         let side: Vec<f64> = (0..2 * n).map(|i| if i < n { -1.0 } else { 1.0 }).collect();
         let grid = Grid::new(t, profiles.z_px.clone());
         let y = DMatrix::from_row_slice(2 * n, m, &profiles.reach_px);
-        let mut round = Self { grid, side, y, regressors: Vec::new(), pedestals: Vec::new(), angles, priors: [Prior { value: 0.0, sigma: 1.0 }; SHARED] };
+        let mut round = Self {
+            grid,
+            side,
+            y,
+            regressors: Vec::new(),
+            pedestals: Vec::new(),
+            lean_sigma_rad: LEAST_LEAN_SIGMA_RAD,
+            angles,
+            priors: [Prior { value: 0.0, sigma: 1.0 }; SHARED],
+        };
         // The slopes of the shape as it is known so far shape the equations.
         let flat = DMatrix::zeros(2 * n, m);
         let [mut h, mut along] = round.grid.smoothed(&round.y, hyper)?;
@@ -247,11 +272,17 @@ impl<'a> Round<'a> {
             priors.reciprocal.unwrap_or(open(1.0 / (NEAREST_HEIGHTS * height))),
             open(RISE_SIGMA_RAD),
         ];
-        let seen = views.iter().enumerate().filter_map(|(i, v)| v.pedestal.map(|p| (i, line.coordinates(p)[0])));
-        round.pedestals = seen.collect();
+        let seen = views.iter().enumerate().filter_map(|(i, v)| v.pedestal.map(|p| (i, p)));
+        round.pedestals =
+            seen.map(|(i, p)| (i, line.coordinates(p.top_px)[0], p.lean_rad - line.roll_rad)).collect();
         if round.pedestals.len() < LEAST_PEDESTALS {
             round.pedestals.clear();
         }
+        let mut jumps: Vec<f64> = round.pedestals.windows(2).map(|w| (w[1].2 - w[0].2).abs()).collect();
+        jumps.sort_by(f64::total_cmp);
+        // Of neighbours' differences, whose median is 0.954 standard deviations.
+        let scatter = jumps.get(jumps.len() / 2).map_or(0.0, |j| j / 0.954);
+        round.lean_sigma_rad = scatter.max(LEAST_LEAN_SIGMA_RAD);
         Some(round)
     }
 
@@ -332,18 +363,21 @@ impl<'a> Round<'a> {
             noise + PEDESTAL_ECCENTRICITY_PX.powi(2) * (angle(i) - angle(j)).cos()
         });
         let mut x = DMatrix::zeros(count, all.right.len());
-        for (k, (view, _)) in self.pedestals.iter().enumerate() {
+        for (k, (view, ..)) in self.pedestals.iter().enumerate() {
             x[(k, 0)] = 1.0;
             x[(k, SHARED + view)] = 1.0;
         }
         let y = DVector::from_iterator(count, self.pedestals.iter().map(|p| p.1));
-        let cholesky = Cholesky::new(c)?;
-        let weighted = cholesky.solve(&x);
-        all.normal += x.transpose() * &weighted;
-        all.right += weighted.transpose() * &y;
-        all.square += y.dot(&cholesky.solve(&y));
-        all.log_det += 2.0 * cholesky.l().diagonal().iter().map(|d| d.ln()).sum::<f64>();
-        Some(())
+        all.add(&x, &y, c)?;
+        // A tube that is not parallel to the axis leans now to one side, now to the other.
+        let c = DMatrix::from_fn(count, count, |i, j| {
+            let noise = if i == j { self.lean_sigma_rad.powi(2) } else { 0.0 };
+            noise + PEDESTAL_TILT_RAD.powi(2) * (angle(i) - angle(j)).cos()
+        });
+        let mut x = DMatrix::zeros(count, all.right.len());
+        x.column_mut(ROLL).fill(1.0);
+        let y = DVector::from_iterator(count, self.pedestals.iter().map(|p| p.2));
+        all.add(&x, &y, c)
     }
 
     /// The spreads that make the data most likely: one after another, by steps that shrink.
@@ -352,15 +386,16 @@ impl<'a> Round<'a> {
         let least_wobble = LEAST_WOBBLE_PX[usize::from(!with_pedestals)];
         let likelihood = |h: &Hyper| self.solve(h).map_or(f64::NEG_INFINITY, |s| s.log_likelihood);
         type Entry = fn(&mut Hyper) -> &mut f64;
-        let entries: [(Entry, f64, f64); 5] = [
+        let entries: [(Entry, f64, f64); 6] = [
             (|h| &mut h.curvature_px, 0.1, 1e4),
+            (|h| &mut h.edge_px, 0.02, 10.0),
             (|h| &mut h.noise_px, 0.01, 5.0),
             (|h| &mut h.wobble_px, least_wobble, 20.0),
             (|h| &mut h.alike, 0.02, 3.0),
             (|h| &mut h.pedestal_px, 0.03, 5.0),
         ];
-        let open = if with_pedestals { 5 } else { 4 };
-        let mut steps = [1.6f64; 5];
+        let open = if with_pedestals { 6 } else { 5 };
+        let mut steps = [1.6f64; 6];
         let mut best = Hyper { wobble_px: start.wobble_px.max(least_wobble), ..start };
         let mut greatest = likelihood(&best);
         for _ in 0..SEARCH_ROUNDS {

@@ -16,6 +16,7 @@ mod turntable;
 pub use axis::{Axis, AxisError, AxisMethod, axis_from_closing_view, axis_from_tangency, find_axis};
 pub use ball::{BallError, Disc, LEAST_RADIUS_PX, MOST_ELLIPTIC, MOST_UNROUND, fit_disc};
 pub use calibration::{Calibration, Finding, FindingKind, Rotation, ViewCalibration};
+pub use fit::Upright;
 pub use measured::{How, Measured};
 pub use pin::{MOST_CROOKED, PinError, Sides, fit_sides};
 pub use refine::{Known, SeenView, calibrate};

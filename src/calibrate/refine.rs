@@ -1,7 +1,7 @@
 //! From the silhouettes of a session to the rig's numbers.
 
 use super::calibration::{Calibration, Finding, FindingKind, Rotation, ViewCalibration};
-use super::fit::{Fit, Prior, Priors, RECIPROCAL, RISE, ROLL, Sample, Spreads, fit};
+use super::fit::{Fit, Prior, Priors, RECIPROCAL, RISE, ROLL, Sample, Spreads, Upright, fit};
 use super::profile::Line;
 use super::turning::{self, Change, Turning};
 use super::{Axis, AxisError, AxisMethod, How, Measured, find_axis};
@@ -17,6 +17,8 @@ const SEEN_SIGMAS: f64 = 4.0;
 /// The slices of a real grain are not quite what the random functions are: uncertainties are this much larger than
 /// the equations say (measured over many simulated rigs: see `tests/calibration.rs`).
 const MODEST: f64 = 1.6;
+/// The same for the reciprocal distance, which small errors of the outlines move most.
+const MODEST_RECIPROCAL: f64 = 3.0;
 /// What an outline may be off by on one side all along, pixels (standard deviation).
 const OUTLINE_PX: f64 = 0.08;
 /// A view's shift beyond this many times what is usual is worth a word.
@@ -31,8 +33,8 @@ pub struct SeenView<'a> {
     pub angle: Angle,
     /// The outline.
     pub silhouette: &'a Silhouette,
-    /// Column and row of the middle of the pedestal's top, where it was seen.
-    pub pedestal: Option<[f64; 2]>,
+    /// The pedestal, where it was seen.
+    pub pedestal: Option<Upright>,
 }
 
 /// What is known of the rig beforehand.
@@ -70,7 +72,8 @@ pub fn calibrate(views: &[SeenView], known: &Known) -> Result<(Calibration, Axis
     };
     let samples: Vec<Sample> =
         views.iter().map(|v| Sample { silhouette: v.silhouette, pedestal: v.pedestal }).collect();
-    let made = if views.len() < LEAST_VIEWS { None } else { Worked::of(views, &samples, known, &start, sense) };
+    let made =
+        if views.len() < LEAST_VIEWS { None } else { Worked::of(views, &samples, known, &start, sense) };
     Ok((made.map_or_else(|| unmeasured(views, known, &start), |w| w.calibration(views, known)), axis))
 }
 
@@ -112,7 +115,7 @@ impl Worked {
         let mut sense = sense;
         let first = fit(samples, &angles(sense), &priors, start, Spreads::Sought, ROUNDS)?;
         let mut turning = turning::look(samples, &angles(sense), &priors, first);
-        let told = |f: &Fit| (f.parameters[RECIPROCAL], MODEST * f.sigma(RECIPROCAL));
+        let told = |f: &Fit| (f.parameters[RECIPROCAL], MODEST_RECIPROCAL * f.sigma(RECIPROCAL));
         let (q, sigma) = told(&turning.fit);
         // Seen from a finite distance, the grain's mirror image turning the other way would need a camera behind it.
         if q < -SEEN_SIGMAS * sigma {
@@ -188,7 +191,8 @@ impl Worked {
                     .into(),
             );
         }
-        let given = |value: Option<f64>, measured: Measured| value.map_or(measured, |v| Measured::given(v, None));
+        let given =
+            |value: Option<f64>, measured: Measured| value.map_or(measured, |v| Measured::given(v, None));
         Calibration {
             mm_per_px: known.mm_per_px,
             axis_column_px: given(
@@ -208,7 +212,7 @@ impl Worked {
                 how: if self.sense_seen { How::Measured } else { How::Assumed },
             },
             wobble_px: fit.hyper.wobble_px,
-            residual_px: fit.hyper.noise_px,
+            residual_px: fit.hyper.noise_px.hypot(fit.hyper.edge_px),
             refined: known.refine,
             views: details,
             findings,
@@ -217,7 +221,13 @@ impl Worked {
     }
 
     /// The distance as given, as measured, or how far the camera must be at least.
-    fn distance(&self, known: &Known, scale: f64, fit: &Fit, warnings: &mut Vec<String>) -> (Measured, String) {
+    fn distance(
+        &self,
+        known: &Known,
+        scale: f64,
+        fit: &Fit,
+        warnings: &mut Vec<String>,
+    ) -> (Measured, String) {
         let (q, sigma) = self.reciprocal;
         let nearest = scale / (q.max(0.0) + 2.0 * sigma);
         let seen = q > SEEN_SIGMAS * sigma;
@@ -226,12 +236,16 @@ impl Worked {
         } else if nearest < 20.0 * fit.mean_reach_px * scale {
             "the outlines do not show it".into()
         } else {
-            format!("the views look parallel: the camera is farther than {nearest:.0} mm (95 %), or the lens is telecentric")
+            format!(
+                "the views look parallel: the camera is farther than {nearest:.0} mm (95 %), or the lens is telecentric"
+            )
         };
         match known.camera_distance_mm {
             Some(d) => {
                 if (q - scale / d).abs() > SEEN_SIGMAS * sigma {
-                    warnings.push(format!("the camera's distance is given as {d} mm, but {says}: check the given one"));
+                    warnings.push(format!(
+                        "the camera's distance is given as {d} mm, but {says}: check the given one"
+                    ));
                 }
                 (Measured::given(d, None), says)
             }
@@ -249,7 +263,8 @@ impl Worked {
         let size = degrees.abs();
         match found.change {
             Change::Step => {
-                let farthest = (views.iter().map(|v| (v.angle - views[0].angle).deg().abs())).fold(0.0, f64::max);
+                let farthest =
+                    (views.iter().map(|v| (v.angle - views[0].angle).deg().abs())).fold(0.0, f64::max);
                 let ratio = 1.0 + if ahead { size } else { -size } / farthest.max(1e-9);
                 Finding {
                     kind: FindingKind::StepSize,
@@ -269,7 +284,8 @@ impl Worked {
             Change::From(k) => {
                 let steps = (size / known.full_step_deg).round();
                 let whole = steps >= 1.0
-                    && (size - steps * known.full_step_deg).abs() < (2.0 * sigma_deg).clamp(0.04, 0.2 * known.full_step_deg);
+                    && (size - steps * known.full_step_deg).abs()
+                        < (2.0 * sigma_deg).clamp(0.04, 0.2 * known.full_step_deg);
                 let [from, to] = found.between.map(|k| views[k].index);
                 let place = if from == to {
                     format!("from view {from} on")
@@ -284,7 +300,8 @@ impl Worked {
                         if steps > 1.0 { "s" } else { "" }
                     )
                 } else {
-                    ": it slipped on its pedestal, or the stage lost its place; check glue and coupling".into()
+                    ": it slipped on its pedestal, or the stage lost its place; check glue and coupling"
+                        .into()
                 };
                 Finding {
                     kind: if lost { FindingKind::LostSteps } else { FindingKind::Slip },

@@ -22,7 +22,9 @@ pub(super) struct Hyper {
     pub curvature_px: f64,
     /// ℓ as a share of the heights' range.
     pub alike: f64,
-    /// Standard deviation of a reach, pixels.
+    /// Standard deviation of a reach, pixels: what neighbouring heights share (an edge that light or blur moved), and
+    /// what they do not.
+    pub edge_px: f64,
     pub noise_px: f64,
     /// Standard deviation of the views' sideways shifts, pixels.
     pub wobble_px: f64,
@@ -81,7 +83,7 @@ impl Grid {
     fn covariance(&self, hyper: &Hyper, value: f64) -> DMatrix<f64> {
         let mut c = &self.shape * (value * hyper.curvature_px.powi(2)) + &self.free;
         for i in 0..c.nrows() {
-            c[(i, i)] += hyper.noise_px.powi(2);
+            c[(i, i)] += value * hyper.edge_px.powi(2) + hyper.noise_px.powi(2);
         }
         c
     }
@@ -156,12 +158,32 @@ pub(super) struct Sums {
     pub log_det: f64,
 }
 
+impl Sums {
+    /// Adds observations `y` of `x`ᵀ parameters with a covariance of their own; `None` where it is none.
+    pub(super) fn add(&mut self, x: &DMatrix<f64>, y: &DVector<f64>, covariance: DMatrix<f64>) -> Option<()> {
+        let cholesky = Cholesky::new(covariance)?;
+        let weighted = cholesky.solve(x);
+        self.normal += x.transpose() * &weighted;
+        self.right += weighted.transpose() * y;
+        self.square += y.dot(&cholesky.solve(y));
+        self.log_det += 2.0 * cholesky.l().diagonal().iter().map(|d| d.ln()).sum::<f64>();
+        Some(())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn hyper() -> Hyper {
-        Hyper { curvature_px: 30.0, alike: 0.3, noise_px: 0.05, wobble_px: 0.3, pedestal_px: 0.1 }
+        Hyper {
+            curvature_px: 30.0,
+            alike: 0.3,
+            edge_px: 0.02,
+            noise_px: 0.05,
+            wobble_px: 0.3,
+            pedestal_px: 0.1,
+        }
     }
 
     #[test]

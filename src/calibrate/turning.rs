@@ -10,18 +10,26 @@ use super::fit::{Fit, Priors, Sample, Spreads, fit};
 use super::profile::Line;
 use nalgebra::DMatrix;
 
-/// A change of the angles by this many standard deviations is no accident …
-const SURE_SIGMAS: f64 = 6.0;
-/// … and one below this, radians (at the end of the turn), is none that matters.
-const LEAST_RAD: f64 = 0.35 * std::f64::consts::PI / 180.0;
-/// Changes beyond this are looked for on a grid, radians: the equations are linear.
-const LARGE_RAD: f64 = 2.5 * std::f64::consts::PI / 180.0;
-/// The grid's reach and pitch, degrees.
-const GRID_DEG: (i32, f64) = (30, 1.5);
+/// The evidence that a change must have: what the curvatures' likelihood gains for every height, weighed against what
+/// the equations gain or lose (natural logarithms). Clean rigs had up to 5.0, slips of a degree mostly 6 to 30.
+const LEAST_EVIDENCE: f64 = 6.0;
+const GAIN_WEIGHT: f64 = 3.0;
+/// The equations' standard deviations are too small by this much: a silhouette's errors are not quite what they hold.
+const EQUATIONS_MODEST: f64 = 2.0;
+/// The change must matter, radians at the end of the turn.
+const LEAST_RAD: f64 = 0.45 * RAD_PER_DEG;
+const RAD_PER_DEG: f64 = std::f64::consts::PI / 180.0;
+/// Grids on which changes are tried: pitch and count to either side.
+const GRIDS: [(f64, i32); 2] = [(0.1 * RAD_PER_DEG, 25), (1.5 * RAD_PER_DEG, 20)];
+/// Beyond this the equations are too far from linear to be asked how much, radians; then the curvatures must gain more.
+const LINEAR_RAD: f64 = 2.5 * RAD_PER_DEG;
+const LARGE_GAIN: f64 = 5.0;
+/// How well the curvature alone tells a change, radians (standard deviation).
+const CURVATURE_RAD: f64 = 0.15 * RAD_PER_DEG;
 /// How many places are worked out in full.
 const WORKED_OUT: usize = 4;
-/// A place whose cost is no more than this above the best one's is as good.
-const AS_GOOD: f64 = 40.0;
+/// A place whose evidence is no more than this below the best one's is as good.
+const AS_GOOD: f64 = 2.0;
 /// Most changes that are told in one session.
 const MOST_CHANGES: usize = 3;
 /// Directions closer than this are one, radians.
@@ -29,6 +37,8 @@ const SAME_RAD: f64 = 0.05;
 /// Curvature's steps of this share of their median are ordinary, and what a negative curvature costs beside a step.
 const ORDINARY: f64 = 0.5;
 const NEGATIVE: f64 = 2.0;
+/// Directions that costs are stated for.
+const DIRECTIONS: f64 = 50.0;
 /// Rounds of working a place out.
 const ROUNDS: usize = 2;
 
@@ -48,7 +58,8 @@ impl Change {
         match self {
             Self::From(view) => (0..n).map(|i| f64::from(i >= view)).collect(),
             Self::Step => {
-                let whole = (angles.iter().map(|a| a - angles[0])).fold(0.0, |m: f64, a| if a.abs() > m.abs() { a } else { m });
+                let whole = (angles.iter().map(|a| a - angles[0]))
+                    .fold(0.0, |m: f64, a| if a.abs() > m.abs() { a } else { m });
                 angles.iter().map(|a| (a - angles[0]) / whole.abs().max(1e-9)).collect()
             }
         }
@@ -88,71 +99,81 @@ fn changes(n: usize) -> Vec<Change> {
     (1..n).map(Change::From).chain([Change::Step]).collect()
 }
 
+/// A change with the cost of the curvatures that it leads to.
+#[derive(Debug, Clone, Copy)]
+struct Tried {
+    change: Change,
+    rad: f64,
+    cost: f64,
+}
+
 fn one(views: &[Sample], priors: &Priors, now: &Turning) -> Option<Turning> {
     let (fitted, angles) = (&now.fit, &now.angles);
-    let sure = |(rad, sigma): (f64, f64)| rad.abs() > LEAST_RAD && rad.abs() > SURE_SIGMAS * sigma;
-    let all: Vec<(Change, f64, f64)> = (changes(angles.len()).into_iter())
-        .map(|c| {
-            let (rad, sigma) = fitted.pattern(&c.pattern(angles));
-            (c, rad, sigma)
-        })
-        .collect();
-    if !all.iter().any(|a| sure((a.1, a.2))) {
-        return None;
-    }
+    let heights = fitted.shape.ncols() as f64;
     let moved = |change: Change, rad: f64| -> Vec<f64> {
         angles.iter().zip(change.pattern(angles)).map(|(a, p)| a + rad * p).collect()
     };
-    let ordinary = ordinary_step(&curvatures(angles, &fitted.shape));
-    let cost = |angles: &[f64], shape: &DMatrix<f64>| cost(&curvatures(angles, shape), ordinary);
-    let large = all.iter().any(|a| a.1.abs() > LARGE_RAD && sure((a.1, a.2)));
-    let mut tried: Vec<(f64, Change, f64)> = (all.iter())
-        .map(|&(change, rad, _)| {
-            let sizes: Vec<f64> = if large {
-                (-GRID_DEG.0..=GRID_DEG.0).map(|k| (f64::from(k) * GRID_DEG.1).to_radians()).chain([rad]).collect()
-            } else {
-                vec![rad]
-            };
-            (sizes.into_iter())
-                .map(|rad| (cost(&moved(change, rad), &fitted.shape), change, rad))
-                .min_by(|a, b| a.0.total_cmp(&b.0))
-                .unwrap_or((f64::INFINITY, change, rad))
-        })
-        .collect();
-    tried.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let spread = |change: Change| -> [usize; 2] {
-        let Change::From(best) = change else { return [0, 0] };
-        let at = tried.iter().find(|t| t.1 == change).map_or(0.0, |t| t.0);
-        let near = tried.iter().filter(|t| t.0 <= at + AS_GOOD);
-        near.fold([best, best], |[a, b], t| match t.1 {
-            Change::From(k) => [a.min(k), b.max(k)],
-            Change::Step => [a, b],
-        })
+    let before = curvatures(angles, &fitted.shape);
+    let ordinary = ordinary_step(&before);
+    let best_of = |change: Change, around: f64, grid: (f64, i32), shape: &DMatrix<f64>| -> Tried {
+        (-grid.1..=grid.1)
+            .map(|k| around + f64::from(k) * grid.0)
+            .map(|rad| Tried { change, rad, cost: cost(&curvatures(&moved(change, rad), shape), ordinary) })
+            .fold(
+                Tried { change, rad: around, cost: f64::INFINITY },
+                |a, b| if b.cost < a.cost { b } else { a },
+            )
     };
-    // The equations were written for angles that were wrong: write them again for each of the likeliest.
-    let mut places: Vec<(Change, f64)> = tried.iter().take(WORKED_OUT).map(|t| (t.1, t.2)).collect();
-    if let Some(step) = tried.iter().skip(WORKED_OUT).find(|t| t.1 == Change::Step) {
-        places.push((Change::Step, step.2));
-    }
-    let worked = places.into_iter().filter_map(|(change, first)| {
-        let pattern = change.pattern(angles);
-        let mut rad = first;
-        let mut fitted = work_out(views, &moved(change, rad), priors, &fitted.line, Spreads::SoughtFrom(fitted.hyper))?;
-        for _ in 0..if large { 3 } else { 1 } {
-            rad += fitted.pattern(&pattern).0;
-            fitted = work_out(views, &moved(change, rad), priors, &fitted.line, Spreads::Known(fitted.hyper))?;
+    let unchanged = cost(&before, ordinary);
+    let evidence = |t: &Tried| {
+        let gain = (unchanged - t.cost) / heights;
+        let (rad, sigma) = fitted.pattern(&t.change.pattern(angles));
+        let variance = (EQUATIONS_MODEST * sigma).powi(2) + CURVATURE_RAD.powi(2);
+        if t.rad.abs() > LINEAR_RAD {
+            return if gain > LARGE_GAIN && rad * t.rad > 0.0 { GAIN_WEIGHT * gain } else { 0.0 };
         }
-        let (rest, sigma_rad) = fitted.pattern(&pattern);
-        rad += rest;
-        let angles = moved(change, rad);
-        let cost = cost(&angles, &fitted.shape);
-        Some((cost, change, rad, sigma_rad, angles))
+        GAIN_WEIGHT * gain + (rad.powi(2) - (rad - t.rad).powi(2)) / (2.0 * variance)
+    };
+    let mut tried: Vec<(f64, Tried)> = {
+        use rayon::prelude::*;
+        (changes(angles.len()).into_par_iter())
+            .flat_map_iter(|change| GRIDS.map(|grid| best_of(change, 0.0, grid, &fitted.shape)))
+            .map(|t| (evidence(&t), t))
+            .collect()
+    };
+    tried.sort_by(|a, b| b.0.total_cmp(&a.0));
+    tried.retain(|t| t.1.rad.abs() > LEAST_RAD && t.0 > LEAST_EVIDENCE);
+    let best = tried.first()?.0;
+    // The equations were written for angles that were wrong: write them again for each of the likeliest.
+    let places = tried.iter().take(WORKED_OUT).map(|t| t.1);
+    let worked = places.filter_map(|t| {
+        let fitted =
+            work_out(views, &moved(t.change, t.rad), priors, &fitted.line, Spreads::Known(fitted.hyper))?;
+        let fine = best_of(t.change, t.rad, (0.2 * GRIDS[0].0, 25), &fitted.shape);
+        Some((fine, fitted))
     });
-    let (_, change, rad, sigma_rad, angles) = worked.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let (place, fitted) = worked.min_by(|a, b| a.0.cost.total_cmp(&b.0.cost))?;
+    // How much: what the equations at the changed angles still ask for, and what the curvature does.
+    let first = tried.iter().find(|t| t.1.change == place.change).map_or(place.rad, |t| t.1.rad);
+    let (rest, sigma) = fitted.pattern(&place.change.pattern(angles));
+    let weight = (CURVATURE_RAD / (EQUATIONS_MODEST * sigma)).powi(2);
+    let rad = (place.rad + weight * (first + rest)) / (1.0 + weight);
+    let sigma_rad = CURVATURE_RAD / (1.0 + weight).sqrt();
+    let angles = moved(place.change, rad);
     let fit = work_out(views, &angles, priors, &fitted.line, Spreads::SoughtFrom(fitted.hyper))?;
     let mut found = now.found.clone();
-    found.push(Found { change, rad, sigma_rad, between: spread(change) });
+    found.push(Found { change: place.change, rad, sigma_rad, between: between(&tried, &place, best) });
     Some(Turning { found, angles, fit })
+}
+
+/// The first and last place that are as good as the one chosen.
+fn between(tried: &[(f64, Tried)], chosen: &Tried, best: f64) -> [usize; 2] {
+    let Change::From(place) = chosen.change else { return [0, 0] };
+    let near = tried.iter().filter(|(evidence, t)| *evidence > best - AS_GOOD && t.rad * chosen.rad > 0.0);
+    near.fold([place, place], |[a, b], (_, t)| match t.change {
+        Change::From(k) => [a.min(k), b.max(k)],
+        Change::Step => [a, b],
+    })
 }
 
 fn work_out(views: &[Sample], angles: &[f64], priors: &Priors, line: &Line, spreads: Spreads) -> Option<Fit> {
@@ -181,7 +202,8 @@ fn curvatures(angles: &[f64], shape: &DMatrix<f64>) -> Vec<Vec<f64>> {
             _ => merged.push((t, h)),
         }
     }
-    if merged.len() > 3 && merged[0].0 + TAU - merged[merged.len() - 1].0 < SAME_RAD
+    if merged.len() > 3
+        && merged[0].0 + TAU - merged[merged.len() - 1].0 < SAME_RAD
         && let Some((t, h)) = merged.pop()
     {
         join(&mut merged[0], t - TAU, &h);
@@ -202,19 +224,22 @@ fn curvatures(angles: &[f64], shape: &DMatrix<f64>) -> Vec<Vec<f64>> {
 /// Steps of the curvature from each direction to the next.
 fn steps(curvatures: &[Vec<f64>]) -> impl Iterator<Item = f64> + '_ {
     let n = curvatures.len();
-    (0..n).flat_map(move |i| {
-        curvatures[i].iter().zip(&curvatures[(i + 1) % n]).map(|(a, b)| b - a)
-    })
+    (0..n).flat_map(move |i| curvatures[i].iter().zip(&curvatures[(i + 1) % n]).map(|(a, b)| b - a))
 }
 
 fn ordinary_step(curvatures: &[Vec<f64>]) -> f64 {
     let mut all: Vec<f64> = steps(curvatures).map(f64::abs).collect();
     let middle = all.len() / 2;
-    if all.is_empty() { 1.0 } else { ORDINARY * all.select_nth_unstable_by(middle, f64::total_cmp).1.max(1e-6) }
+    if all.is_empty() {
+        1.0
+    } else {
+        ORDINARY * all.select_nth_unstable_by(middle, f64::total_cmp).1.max(1e-6)
+    }
 }
 
 fn cost(curvatures: &[Vec<f64>], ordinary: f64) -> f64 {
     let jumps: f64 = steps(curvatures).map(|d| 0.5 * (d / ordinary).powi(2).ln_1p()).sum();
     let negative: f64 = curvatures.iter().flatten().map(|r| (-r).max(0.0)).sum();
-    jumps + NEGATIVE * negative / ordinary
+    // For as many directions as a clean half turn has, however many have been joined.
+    (jumps + NEGATIVE * negative / ordinary) / curvatures.len() as f64 * DIRECTIONS
 }

@@ -77,7 +77,8 @@ mod tests {
         for camera_distance_mm in [Some(120.0), None] {
             let rising = Turntable { elevation_rad: 0.02, roll_rad: 0.0, camera_distance_mm, ..t };
             for y in [-1.0, 0.0, 1.0] {
-                let row = rising.view(Angle::default(), 0.0).project(&Point::new(0.0, y, 0.02 * y)).unwrap()[1];
+                let row =
+                    rising.view(Angle::default(), 0.0).project(&Point::new(0.0, y, 0.02 * y)).unwrap()[1];
                 assert!((row - 705.0).abs() < 1e-9);
             }
         }

@@ -3,9 +3,9 @@
 use super::reconstruct::Taken;
 use super::result::AxisResult;
 use super::{Cameras, PipelineError, TurntableSettings};
-use crate::calibrate::{self, Calibration, Known, SeenView, calibrate};
+use crate::calibrate::{self, Calibration, Known, SeenView, Upright, calibrate};
 use crate::geometry::Projection;
-use crate::silhouette::Silhouette;
+use crate::silhouette::{Silhouette, Stand};
 
 /// The motor of the rig: degrees in a full step.
 const FULL_STEP_DEG: f64 = 0.9;
@@ -24,6 +24,7 @@ pub(super) struct Measured {
 pub(super) fn cameras_of(
     cameras: &Cameras,
     taken: &[Taken],
+    stand: Option<&Stand>,
     warnings: &mut Vec<String>,
 ) -> Result<Measured, PipelineError> {
     let table = match cameras {
@@ -40,20 +41,22 @@ pub(super) fn cameras_of(
     if taken.is_empty() {
         return Err(crate::hull::HullError::NoViews.into());
     }
-    let pedestal = |t: &Taken| t.found.report.pedestal;
-    let tops: Vec<f64> = taken.iter().filter_map(|t| pedestal(t).map(|p| p.top_row)).collect();
-    let origin_row_px = if tops.is_empty() {
-        warnings.push("no pedestal was found: z = 0 is the lowest row of the silhouettes".into());
-        taken.iter().map(|t| lowest_row(&t.silhouette)).fold(0.0, f64::max)
-    } else {
-        median(tops)
-    };
-    let views: Vec<SeenView> = (taken.iter())
-        .map(|t| SeenView {
+    let origin_row_px = stand.map_or_else(
+        || {
+            warnings.push("no pedestal was found: z = 0 is the lowest row of the silhouettes".into());
+            taken.iter().map(|t| lowest_row(&t.silhouette)).fold(0.0, f64::max)
+        },
+        |s| s.top_row_px.value,
+    );
+    let views: Vec<SeenView> = (taken.iter().enumerate())
+        .map(|(k, t)| SeenView {
             index: t.index,
             angle: t.angle,
             silhouette: &t.silhouette,
-            pedestal: pedestal(t).map(|p| [p.centre_column, p.top_row]),
+            // Its lean as this view saw it: a tilted tube leans now to one side, now to the other.
+            pedestal: stand
+                .and_then(|s| s.own.get(k).copied().flatten())
+                .map(|p| Upright { top_px: [p.centre_column, p.top_row], lean_rad: -p.top_slope.atan() }),
         })
         .collect();
     let (calibration, axis) = calibrate(&views, &known(table, origin_row_px))?;
@@ -86,9 +89,4 @@ fn lowest_row(s: &Silhouette) -> f64 {
     let extents = s.extents_px();
     let last = extents.iter().rposition(Option::is_some).unwrap_or(0);
     (s.origin[1] + last) as f64 + 0.5
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
 }

@@ -125,7 +125,8 @@ pub(super) fn reconstruct(
 
     working("calibrate", 0.0);
     let start = Instant::now();
-    let Measured { projections, axis, calibration } = cameras_of(cameras, taken, &mut warnings)?;
+    let Measured { projections, axis, calibration } =
+        cameras_of(cameras, taken, stand.as_ref(), &mut warnings)?;
     let calibrate_s = start.elapsed().as_secs_f64();
 
     working("hull", 0.0);

@@ -47,6 +47,9 @@ pub struct Stand {
     pub disagree: Vec<usize>,
     /// Places of those that show no pedestal, or not its top.
     pub unseen: Vec<usize>,
+    /// What each view saw by itself.
+    #[serde(skip)]
+    pub own: Vec<Option<PedestalSeen>>,
 }
 
 impl Stand {
@@ -110,6 +113,7 @@ pub fn joint_stand(views: &[Option<PedestalSeen>]) -> Option<Stand> {
             .filter(|(_, p)| p.is_none_or(|p| !p.top_seen))
             .map(|(k, _)| k)
             .collect(),
+        own: views.to_vec(),
     })
 }
 

@@ -84,9 +84,19 @@ fn the_truth_of_random_rigs_lies_within_the_stated_uncertainty() {
             println!(
                 "{seed} {:?} D {:?} wobble {:.2} blur {:.1} noise {:.1} bright {} | axis {:.3} ({:.1}σ) roll {:.4} ({:.1}σ) angle {:.1}σ offset {:.3} {:.1}σ residual {:.3} pedestals {}",
                 settings.grain_stl.as_ref().and_then(|p| p.file_stem()),
-                settings.camera_distance_mm, settings.wobble_px, settings.blur_px, settings.noise_sd, settings.bright_background,
-                own[0].errors[0], z(&own[0]), own[1].errors[0], z(&own[1]), z(&own[3]),
-                (own[4].errors.iter().map(|e| e * e).sum::<f64>() / 26.0).sqrt(), z(&own[4]), c.residual_px,
+                settings.camera_distance_mm,
+                settings.wobble_px,
+                settings.blur_px,
+                settings.noise_sd,
+                settings.bright_background,
+                own[0].errors[0],
+                z(&own[0]),
+                own[1].errors[0],
+                z(&own[1]),
+                z(&own[3]),
+                (own[4].errors.iter().map(|e| e * e).sum::<f64>() / 26.0).sqrt(),
+                z(&own[4]),
+                c.residual_px,
                 captured.found.iter().filter(|f| f.report.pedestal.is_some()).count()
             );
         }
@@ -96,7 +106,10 @@ fn the_truth_of_random_rigs_lies_within_the_stated_uncertainty() {
         }
         // Parallel views are not taken for a near camera, nor the other way round.
         if let Some(d) = c.camera_distance_mm.value {
-            assert!(settings.camera_distance_mm.is_some(), "rig {seed}: a telecentric lens was put at {d} mm");
+            assert!(
+                settings.camera_distance_mm.is_some(),
+                "rig {seed}: a telecentric lens was put at {d} mm"
+            );
         }
     }
     println!("| quantity | n | median error | 95 % of errors below | median sigma | within 2 sigma |");
@@ -120,7 +133,9 @@ fn found(rigs: u64, wrong: impl Fn(u64) -> Wrong, kind: FindingKind) -> (usize, 
         let (c, _) = calibrated(&captured, &known(&captured));
         let what: Vec<&str> = c.findings.iter().map(|f| f.text.as_str()).collect();
         println!("{wrong:?}: {what:?}");
-        let Some(first) = c.findings.first().filter(|f| f.kind == kind && c.findings.len() == 1) else { continue };
+        let Some(first) = c.findings.first().filter(|f| f.kind == kind && c.findings.len() == 1) else {
+            continue;
+        };
         named += 1;
         let place = match wrong {
             // Exposures and views are the same; the k-th move leads to view k + 1.
@@ -128,7 +143,8 @@ fn found(rigs: u64, wrong: impl Fn(u64) -> Wrong, kind: FindingKind) -> (usize, 
             Wrong::LostStep(at) => Some(at + 1),
             _ => None,
         };
-        located += usize::from(place.is_none_or(|p| first.between.is_some_and(|[a, b]| (a..=b).contains(&p))));
+        located +=
+            usize::from(place.is_none_or(|p| first.between.is_some_and(|[a, b]| (a..=b).contains(&p))));
     }
     println!("{kind:?}: {made} rigs, {named} named, {located} located");
     (made, named, located)
@@ -137,7 +153,11 @@ fn found(rigs: u64, wrong: impl Fn(u64) -> Wrong, kind: FindingKind) -> (usize, 
 #[test]
 fn a_slip_is_named_and_located() {
     let at = |seed: u64| 1 + (seed as usize * 7) % 24;
-    let (made, named, located) = found(rigs(12), |seed| Wrong::Slip(at(seed), if seed % 2 == 0 { 1.0 } else { -1.3 }), FindingKind::Slip);
+    let (made, named, located) = found(
+        rigs(12),
+        |seed| Wrong::Slip(at(seed), if seed % 2 == 0 { 1.0 } else { -1.3 }),
+        FindingKind::Slip,
+    );
     assert!(named == made && located * 10 >= made * 9, "{made} {named} {located}");
 }
 
@@ -150,7 +170,10 @@ fn a_lost_step_is_named_and_located() {
 
 #[test]
 fn a_wrong_step_size_is_named() {
-    let (made, named, _) =
-        found(rigs(12), |seed| Wrong::StepRatio(if seed % 2 == 0 { 1.01 } else { 0.99 }), FindingKind::StepSize);
+    let (made, named, _) = found(
+        rigs(12),
+        |seed| Wrong::StepRatio(if seed % 2 == 0 { 1.01 } else { 0.99 }),
+        FindingKind::StepSize,
+    );
     assert!(named == made, "{made} {named}");
 }

@@ -1,6 +1,6 @@
 //! Random simulated rigs: photographs through the real encoder, decoder and silhouettes.
 
-use grainrig::calibrate::{Axis, Calibration, Known, Measured, SeenView, calibrate};
+use grainrig::calibrate::{Axis, Calibration, Known, Measured, SeenView, Upright, calibrate};
 use grainrig::geometry::Angle;
 use grainrig::pipeline::decode;
 use grainrig::rig::simulated::{Faults, Settings, Slip, Truth, open};
@@ -81,7 +81,9 @@ pub fn random(seed: u64, wrong: Wrong) -> Settings {
     };
     match wrong {
         Wrong::Nothing => {}
-        Wrong::Slip(at, deg) => settings.faults = Faults { slip: Some(Slip { at, deg }), ..Faults::default() },
+        Wrong::Slip(at, deg) => {
+            settings.faults = Faults { slip: Some(Slip { at, deg }), ..Faults::default() }
+        }
         Wrong::LostStep(at) => settings.faults = Faults { lost_step_at: Some(at), ..Faults::default() },
         Wrong::StepRatio(ratio) => settings.step_ratio = ratio,
     }
@@ -92,6 +94,8 @@ pub fn random(seed: u64, wrong: Wrong) -> Settings {
 pub struct Captured {
     pub angles: Vec<Angle>,
     pub found: Vec<Found>,
+    /// The pedestal as each view saw it by itself.
+    pub own: Vec<Option<PedestalSeen>>,
     pub truth: Truth,
 }
 
@@ -122,13 +126,17 @@ pub fn capture(settings: &Settings) -> Result<Captured, String> {
             f.recut(stand.seen_by(f.report.pedestal));
         }
     }
-    Ok(Captured { angles, found, truth: truth.truth() })
+    Ok(Captured { angles, found, own: seen, truth: truth.truth() })
 }
 
 /// What nobody told the program: only the scale.
 pub fn known(captured: &Captured) -> Known {
     let tops: Vec<f64> = captured.found.iter().filter_map(|f| f.report.pedestal.map(|p| p.top_row)).collect();
-    let origin = if tops.is_empty() { captured.truth.camera.axis_row_px } else { tops.iter().sum::<f64>() / tops.len() as f64 };
+    let origin = if tops.is_empty() {
+        captured.truth.camera.axis_row_px
+    } else {
+        tops.iter().sum::<f64>() / tops.len() as f64
+    };
     Known {
         mm_per_px: Measured::given(captured.truth.settings.mm_per_px, None),
         origin_row_px: origin,
@@ -148,7 +156,8 @@ pub fn calibrated(captured: &Captured, known: &Known) -> (Calibration, Axis) {
             index,
             angle: captured.angles[index],
             silhouette: &f.silhouette,
-            pedestal: f.report.pedestal.map(|p| [p.centre_column, p.top_row]),
+            pedestal: captured.own[index]
+                .map(|p| Upright { top_px: [p.centre_column, p.top_row], lean_rad: -p.top_slope.atan() }),
         })
         .collect();
     calibrate(&views, known).expect("a closing view shows the axis")
