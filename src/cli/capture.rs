@@ -3,7 +3,7 @@
 use super::output::{print, print_json, say};
 use super::progress::Progress;
 use super::signals::stoppable;
-use super::{Common, usage};
+use super::{Common, Quality, usage};
 use crate::daemon::{self, Finished, Resumed};
 use anyhow::Result;
 use clap::Args;
@@ -18,6 +18,10 @@ pub struct Arguments {
     /// The step between them is the greatest whole number of motor steps that keeps them within it.
     #[arg(long, value_name = "COUNT", allow_negative_numbers = true)]
     views: Option<u32>,
+    /// What becomes of a picture that is out of focus, shaken, overexposed, obstructed or a copy of another, instead
+    /// of what the configuration says.
+    #[arg(long, value_enum)]
+    quality: Option<Quality>,
     /// Write the simulated rig's truth (shape, angles, camera) into this folder.
     #[arg(long, value_name = "DIR")]
     truth: Option<PathBuf>,
@@ -28,6 +32,10 @@ pub struct Arguments {
 pub struct ResumeArguments {
     /// The session: its name in the data folder, or its folder's path.
     session: PathBuf,
+    /// What becomes of a picture that is no good among the missing views, instead of what the session's
+    /// configuration says.
+    #[arg(long, value_enum)]
+    quality: Option<Quality>,
 }
 
 pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
@@ -45,6 +53,9 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         config.plan.views = views;
         config.plan.steps_per_view = steps as u32;
         config.plan.check().map_err(usage)?;
+    }
+    if let Some(quality) = arguments.quality {
+        config.acquire.quality = quality.into();
     }
     let control = stoppable();
     let progress = Progress::new();
@@ -64,7 +75,7 @@ pub(super) fn resume(common: &Common, arguments: &ResumeArguments) -> Result<()>
     let folder = super::session_folder(common, &arguments.session)?;
     let control = stoppable();
     let progress = Progress::new();
-    let outcome = daemon::resume(&folder, &control, &progress.watcher());
+    let outcome = daemon::resume(&folder, arguments.quality.map(Into::into), &control, &progress.watcher());
     progress.finish();
     match outcome? {
         Resumed::Done(done) => report(common, &done),

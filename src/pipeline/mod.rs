@@ -6,6 +6,7 @@
 
 mod decode;
 mod products;
+mod quality;
 mod reconstruct;
 mod result;
 mod settings;
@@ -13,6 +14,7 @@ mod stream;
 
 pub use decode::decode;
 pub use products::{Product, products};
+pub use quality::Gate;
 pub use reconstruct::{Reconstruction, Taken};
 pub use result::{AxisResult, HullResult, MeshResult, ResultFile, Timing, ViewResult};
 pub use settings::{Cameras, HullSettings, LengthUnit, MeshSettings, Settings, TurntableSettings};

@@ -7,7 +7,7 @@ use crate::geometry::{Angle, Projection};
 use crate::hull::{Cone, HullGrid, VisualHull, find_bounds, silhouette_iou};
 use crate::mesh::{Controls, TetMesh, mesh};
 use crate::session::event::{Happening, Role};
-use crate::silhouette::{Found, Silhouette};
+use crate::silhouette::{Found, Silhouette, Traits, ViewQuality};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
@@ -34,6 +34,10 @@ pub struct Taken {
     pub silhouette: Arc<Silhouette>,
     /// How it was found.
     pub found: Found,
+    /// How good it is; absent where nobody wants to know.
+    pub quality: Option<ViewQuality>,
+    /// Its figures, to be compared with other views'.
+    pub traits: Option<Traits>,
     /// What decoding and cutting out took, seconds.
     pub seconds: f64,
 }
@@ -166,6 +170,7 @@ pub(super) fn reconstruct(
             angle_deg: t.angle.deg(),
             iou: *iou,
             silhouette: t.found.report.clone(),
+            quality: t.quality.clone(),
         })
         .collect();
     let worst = views.iter().min_by(|a, b| a.iou.total_cmp(&b.iou));

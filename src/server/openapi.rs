@@ -6,7 +6,7 @@ use serde::Serialize;
 use utoipa::{OpenApi, ToSchema};
 
 use super::error::{ErrorBody, ErrorText};
-use super::status::{HullPoint, RunState, Stage, Status, ViewWarning};
+use super::status::{HullPoint, RunState, Stage, Status, ViewVerdict, ViewWarning};
 use super::{RunRequest, RunStarted, routes, stream};
 
 #[derive(OpenApi)]
@@ -31,6 +31,7 @@ use super::{RunRequest, RunStarted, routes, stream};
         RunState,
         HullPoint,
         Stage,
+        ViewVerdict,
         ViewWarning,
         RunRequest,
         RunStarted,
