@@ -143,7 +143,12 @@ impl Profile {
         let high = walk(&mut (BINS / 2 - PER_PX..BINS), 0.25, false);
         // An edge that does not get there within reach is at least as wide as that.
         let reach = REACH as f64;
-        Some((high.unwrap_or(reach) - low.unwrap_or(-reach)).max(0.0))
+        let whole = (high.unwrap_or(reach) - low.unwrap_or(-reach)).max(0.0);
+        // The outer half alone, where half of the level on the outline is left: a grain that darkens towards its limb
+        // widens only the inner one.
+        let on_outline = 0.5 * (share(BINS / 2 - 1)? + share(BINS / 2)?);
+        let outer = walk(&mut (BINS / 2 - PER_PX..BINS), 0.5 * on_outline, false).unwrap_or(reach);
+        Some(whole.min(2.0 * outer.max(0.0)))
     }
 }
 

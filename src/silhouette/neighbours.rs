@@ -342,7 +342,10 @@ fn outliers(points: &[Point], tolerance: f64) -> Vec<usize> {
             others.remove(k);
             broken(&others)
         };
-        let best = tried.into_iter().map(|k| (k, without(k))).min_by(|a, b| a.1.total_cmp(&b.1));
+        // At an end of the row leaving out any of three may do: then it is the one that breaks its own bound.
+        let keeps = |k: usize| excess(&rest, &rest[k], tolerance) <= 0.0;
+        let best = (tried.into_iter().map(|k| (k, without(k))))
+            .min_by(|a, b| a.1.total_cmp(&b.1).then(keeps(a.0).cmp(&keeps(b.0))));
         let Some((k, less)) = best.filter(|b| b.1 < left) else { return Vec::new() };
         if (found.len() + 1) as f64 > MOST_OUTLIERS * points.len() as f64 {
             return Vec::new();
