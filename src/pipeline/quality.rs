@@ -4,7 +4,7 @@
 use super::reconstruct::Taken;
 use super::{Cameras, Observer, Pipeline, PipelineError, View};
 use crate::session::event::Happening;
-use crate::silhouette::{Check, Placed, Traits, Verdict, against, between};
+use crate::silhouette::{Check, Placed, Traits, Verdict, ViewQuality, against, between};
 
 /// Sentences about single views in a result, at most; the views' own checks have them all.
 const MOST_WARNINGS: usize = 12;
@@ -37,7 +37,7 @@ pub(super) fn compare(cameras: &Cameras, taken: &mut [Taken], observer: &Observe
     }
     let mut told: Vec<String> = (taken.iter())
         .flat_map(|t| {
-            let warnings = t.quality.iter().flat_map(|q| q.warnings());
+            let warnings = t.quality.iter().flat_map(ViewQuality::warnings);
             warnings.map(|w| format!("view {}: {w}", t.index)).collect::<Vec<_>>()
         })
         .collect();

@@ -301,8 +301,11 @@ fn near(found: &Found, x: usize, y: usize) -> Option<(f64, usize)> {
     if at(i, j).abs() >= reach || w < 3 || h < 3 {
         return None;
     }
-    let away = [x.abs_diff(s.origin[0] + i), y.abs_diff(s.origin[1] + j)].map(|a| a as f64);
-    let d = if away == [0.0; 2] { at(i, j) } else { at(i, j).hypot(away[0].hypot(away[1])) };
+    let away = [x.abs_diff(s.origin[0] + i), y.abs_diff(s.origin[1] + j)];
+    let d = match away {
+        [0, 0] => at(i, j),
+        [across, down] => at(i, j).hypot((across as f64).hypot(down as f64)),
+    };
     if d.abs() >= reach {
         return None;
     }

@@ -62,7 +62,7 @@ pub struct Placed<'a> {
 }
 
 /// What each view's figures are against the others', in the order of the views. Neighbours are views at most 15.5°
-/// away on a turntable; a view that has none is only looked at for repeating another.
+/// away on a turntable; a view that has none is looked at for repeating another, and on a turntable for its focus.
 pub fn between(views: &[Placed]) -> Vec<Vec<Check>> {
     let others = |k: usize| -> Vec<Placed> {
         views.iter().enumerate().filter(|(j, _)| *j != k).map(|(_, v)| *v).collect()
@@ -141,22 +141,28 @@ fn beside(others: &[Placed], view: &Placed) -> Vec<Check> {
     let near = neighbours(others, view);
     let of = |figure: fn(&Traits) -> f64| median(near.iter().map(|n| figure(n.traits)).collect());
     let here = view.traits;
-    let (Some(blur), Some(contrast), Some(background), Some(full), Some(top)) =
-        (of(|t| t.blur_px), of(|t| t.contrast), of(|t| t.background), of(|t| t.full_share), of(|t| t.top))
-    else {
-        return Vec::new();
-    };
     let both = |f: &dyn Fn(usize) -> f64| [f(0), f(1)];
-    let focus = both(&|k| BLUR_FACTOR[k] * blur + BLUR_MORE_PX[k]);
+    let mut checks = Vec::new();
+    // Where the steps are long, all views on the turntable stand for the neighbours: the lens is the same.
+    let far: Vec<Placed> = others.iter().filter(|o| away(o, view).is_some()).copied().collect();
+    let sharp = if near.is_empty() { &far } else { &near };
+    if let Some(blur) = median(sharp.iter().map(|n| n.traits.blur_px).collect()) {
+        let limits = both(&|k| BLUR_FACTOR[k] * blur + BLUR_MORE_PX[k]);
+        checks.push(Check::at_most("focus_change", here.blur_px, "px", limits).or(|| {
+            format!(
+                "the views beside it have {blur:.2} px: look whether lens, table or grain moved during the exposure, \
+                 and switch the autofocus off"
+            )
+        }));
+    }
+    let (Some(contrast), Some(background), Some(full), Some(top)) =
+        (of(|t| t.contrast), of(|t| t.background), of(|t| t.full_share), of(|t| t.top))
+    else {
+        return checks;
+    };
     let light = both(&|k| EXPOSURE_LEVELS[k].max(EXPOSURE_SHARE[k] * contrast));
     let tops = both(&|k| TOP_MORE_PX[k] + TOP_SHARE[k] * here.height);
-    let mut checks = vec![
-        Check::at_most("focus_change", here.blur_px, "px", focus).or(|| {
-            format!(
-                "the views beside it have {blur:.2} px: look whether lens, table or grain moved during the exposure, and \
-                 switch the autofocus off"
-            )
-        }),
+    checks.extend([
         Check::at_most("exposure", (here.background - background).abs(), "grey levels", light).or(|| {
             format!(
                 "the background is at {:.0}, beside the grain in neighbouring views at {background:.0}: keep lamp, exposure \
@@ -172,7 +178,7 @@ fn beside(others: &[Placed], view: &Placed) -> Vec<Check> {
                 100.0 * full
             )
         }),
-    ];
+    ]);
     if near.len() >= 2 {
         checks.push(Check::at_most("height", (here.top - top).abs(), "px", tops).or(|| {
             format!(
