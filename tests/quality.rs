@@ -237,7 +237,7 @@ fn a_thin_flake_seen_edge_on_is_no_outlier_and_a_wrong_area_is_found_in_its_plac
 
 #[test]
 fn neighbours_are_only_compared_where_the_angles_are_known_and_near() {
-    let odd = [slab(100.0, 30.0, 0.0), slab(300.0, 30.0, 0.0), slab(50.0, 50.0, 90.0)];
+    let odd = [slab(100.0, 30.0, 0.0), slab(300.0, 30.0, 1.0), slab(50.0, 50.0, 90.0)];
     let far = [Some(0.0), Some(45.0), Some(90.0)];
     for (angles, expected) in [([None; 3], &["duplicate"][..]), (far, &["duplicate", "focus_change"])] {
         let place = |(index, t)| Placed { index, angle_deg: angles[index], traits: t };

@@ -51,8 +51,8 @@ pub(super) struct StreamedEvent {
     /// When, in UTC.
     #[schema(value_type = String, format = DateTime)]
     time: Timestamp,
-    /// The kind: `started`, `homed`, `moving`, `captured`, `paused`, `resumed`, `aborted`,
-    /// `acquisition_complete`, `silhouette`, `hull`, `working`, `products`, `failed` or `complete`.
+    /// The kind: `started`, `homed`, `moving`, `captured`, `rejected`, `suspended`, `paused`, `resumed`, `aborted`,
+    /// `acquisition_complete`, `silhouette`, `judged`, `hull`, `working`, `products`, `failed` or `complete`.
     event: String,
 }
 

@@ -213,7 +213,7 @@ fn a_run_whose_pictures_stay_no_good_waits_with_the_cause_until_it_is_resumed() 
         let (_, status) = daemon.get("/status");
         assert_eq!(status["state"], "paused");
         let cause = status["error"].as_str().unwrap();
-        assert!(cause.contains("focus is ") && cause.contains("the limit is "), "{cause}");
+        assert!(cause.contains("focus ") && cause.contains("the limit is "), "{cause}");
         let last = status["warnings"].as_array().unwrap().last().unwrap();
         assert_eq!((&last["view"], &last["verdict"]), (&json!(1), &json!("bad")), "{last}");
         assert_eq!(daemon.post("/runs/current/resume", None).0, 204);
