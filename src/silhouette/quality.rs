@@ -155,7 +155,7 @@ pub struct Traits {
     pub pixels: u64,
 }
 
-/// Judges a picture by itself; also its figures for [`super::neighbours`]. Reads only the pixels within a few
+/// Judges a picture by itself; also its figures for [`between`](super::between()). Reads only the pixels within a few
 /// dozen of the outline.
 pub fn assess(picture: &Picture, found: &Found) -> (ViewQuality, Traits) {
     let edge = edge::measure(picture, found);
