@@ -9,7 +9,7 @@ mod common;
 use common::{median_s, rig, tell};
 use grainrig::pipeline::decode;
 use grainrig::rig::{Camera as _, RotationStage as _, simulated::open};
-use grainrig::silhouette::{Settings, find};
+use grainrig::silhouette::{Settings, assess, find};
 
 fn main() {
     for (width, height) in [(1296, 864), (2592, 1728), (5184, 3456)] {
@@ -25,5 +25,8 @@ fn main() {
         let yardstick = ("one JPEG decode", decoding);
         tell("decode", &size, decoding, &rate(decoding), yardstick);
         tell("silhouette", &size, finding, &rate(finding), yardstick);
+        let found = find(&picture, None, &settings).expect("a grain");
+        let judging = median_s(|| assess(&picture, &found));
+        tell("view quality", &size, judging, &rate(judging), ("one silhouette", finding));
     }
 }

@@ -1,6 +1,6 @@
 //! The configuration file: TOML, every key documented in `config/`, unknown keys refused.
 
-use crate::acquire::PlanSettings;
+use crate::acquire::{AcquireSettings, PlanSettings};
 use crate::pipeline::{self, HullSettings, MeshSettings, ReportSettings, TurntableSettings};
 use crate::{rig, silhouette};
 use serde::{Deserialize, Serialize};
@@ -14,6 +14,8 @@ pub struct Config {
     pub rig: RigSettings,
     /// How many views, how far apart.
     pub plan: PlanSettings,
+    /// What becomes of pictures that are no good.
+    pub acquire: AcquireSettings,
     /// What is known of the camera.
     pub optics: TurntableSettings,
     /// How the grain is told from pedestal and background.

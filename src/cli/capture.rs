@@ -3,7 +3,7 @@
 use super::output::{print, print_json, say};
 use super::progress::Progress;
 use super::signals::stoppable;
-use super::{Common, usage};
+use super::{Common, Quality, usage};
 use crate::daemon::{self, Finished, Resumed, ScaleFile};
 use crate::pipeline::OUTLINE;
 use anyhow::Result;
@@ -26,6 +26,10 @@ pub struct Arguments {
     /// Draw no outlines over the photographs, and no sheet of the calibration.
     #[arg(long)]
     no_pictures: bool,
+    /// What becomes of a picture that is out of focus, shaken, overexposed, obstructed or a copy of another, instead
+    /// of what the configuration says.
+    #[arg(long, value_enum)]
+    quality: Option<Quality>,
     /// Write the simulated rig's truth (shape, angles, camera) into this folder.
     #[arg(long, value_name = "DIR")]
     truth: Option<PathBuf>,
@@ -36,6 +40,10 @@ pub struct Arguments {
 pub struct ResumeArguments {
     /// The session: its name in the data folder, or its folder's path.
     session: PathBuf,
+    /// What becomes of a picture that is no good among the missing views, instead of what the session's
+    /// configuration says.
+    #[arg(long, value_enum)]
+    quality: Option<Quality>,
 }
 
 pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
@@ -61,6 +69,9 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         config.optics.camera_distance_mm = scale.camera_distance_mm.or(config.optics.camera_distance_mm);
     }
     config.report.pictures &= !arguments.no_pictures;
+    if let Some(quality) = arguments.quality {
+        config.acquire.quality = quality.into();
+    }
     let control = stoppable();
     let progress = Progress::new();
     let outcome = daemon::capture(
@@ -79,7 +90,7 @@ pub(super) fn resume(common: &Common, arguments: &ResumeArguments) -> Result<()>
     let folder = super::session_folder(common, &arguments.session)?;
     let control = stoppable();
     let progress = Progress::new();
-    let outcome = daemon::resume(&folder, &control, &progress.watcher());
+    let outcome = daemon::resume(&folder, arguments.quality.map(Into::into), &control, &progress.watcher());
     progress.finish();
     match outcome? {
         Resumed::Done(done) => report(common, &done),

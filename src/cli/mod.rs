@@ -14,6 +14,7 @@ mod serve;
 mod signals;
 mod verify;
 
+use crate::acquire::QualityMode;
 use crate::calibrate::ScaleError;
 use crate::config::{Config, ConfigError};
 use crate::daemon::DaemonError;
@@ -109,6 +110,27 @@ enum Command {
     Calibrate(calibrate::Arguments),
     /// Show which devices are there.
     Devices,
+}
+
+/// What becomes of a picture that is no good.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Quality {
+    /// Take it again; where that does not help, suspend the run.
+    Gate,
+    /// Keep it and say so in the result.
+    Label,
+    /// Do not look.
+    Off,
+}
+
+impl From<Quality> for QualityMode {
+    fn from(quality: Quality) -> Self {
+        match quality {
+            Quality::Gate => Self::Gate,
+            Quality::Label => Self::Label,
+            Quality::Off => Self::Off,
+        }
+    }
 }
 
 /// Parses the command line and runs one command; 0 is success, 1 failure, 2 usage.

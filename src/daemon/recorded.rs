@@ -2,7 +2,7 @@
 
 use super::finish::{self, Finished};
 use super::{DaemonError, Watcher};
-use crate::acquire::{self, Control, Earlier, FrameSink, Outcome, SystemClock};
+use crate::acquire::{self, Control, Earlier, FrameSink, Outcome, QualityMode, SystemClock};
 use crate::config::Config;
 use crate::geometry::Angle;
 use crate::pipeline::{
@@ -39,21 +39,32 @@ pub(super) fn computation(recording: &Recording) -> Result<(Config, Pipeline), D
             Some(decode(&bytes).map_err(reason)?)
         }
     };
-    let pipeline =
-        Pipeline { settings: config.computation(), cameras, background, views: manifest.plan.views.len() };
+    let pipeline = Pipeline {
+        settings: config.computation(),
+        cameras,
+        background,
+        views: manifest.plan.views.len(),
+        judges: config.acquire.quality != QualityMode::Off,
+    };
     Ok((config, pipeline))
 }
 
-/// Sends the views that are recorded already down the pipeline's channel; stops early where nobody takes them.
-pub(super) fn send_recorded(recording: &Recording, send: &SyncSender<View>) -> Result<(), DaemonError> {
+/// Sends the views that are recorded already down the pipeline's channel, each as `through` makes it; stops early where
+/// nobody takes them.
+pub(super) fn send_recorded(
+    recording: &Recording,
+    send: &SyncSender<View>,
+    through: impl Fn(View) -> View,
+) -> Result<(), DaemonError> {
     for captured in recording.views() {
         let view = View {
             index: captured.view,
             role: captured.role,
             angle: Angle::from_deg(captured.reached_deg),
             bytes: recording.frame(captured.view)?.bytes,
+            cut_out: None,
         };
-        if send.send(view).is_err() {
+        if send.send(through(view)).is_err() {
             break;
         }
     }
@@ -132,7 +143,7 @@ pub(super) fn compute(
 ) -> Result<Reconstruction, DaemonError> {
     let (send, receive) = sync_channel(WAITING_VIEWS);
     std::thread::scope(|scope| {
-        let feeding = scope.spawn(move || send_recorded(recording, &send));
+        let feeding = scope.spawn(move || send_recorded(recording, &send, |view| view));
         let made = pipeline.run(receive, &|what| note(session, what));
         match feeding.join() {
             Ok(fed) => fed?,
@@ -287,8 +298,8 @@ impl FrameSink for ReplaySink<'_> {
             self.numbered.tell(Happening::Captured { view: captured.clone(), remaining_s });
         }
         // A pipeline that has failed takes no more; its error is what the replay returns.
-        let _ =
-            self.send.send(View { index: view.index, role: view.role, angle: reached, bytes: frame.bytes });
+        let (index, role, bytes) = (view.index, view.role, frame.bytes);
+        let _ = self.send.send(View { index, role, angle: reached, bytes, cut_out: None });
         Ok(())
     }
 

@@ -8,6 +8,7 @@ mod cameras;
 mod decode;
 mod pictures;
 mod products;
+mod quality;
 mod reconstruct;
 mod result;
 mod settings;
@@ -17,6 +18,7 @@ mod stream;
 pub use decode::decode;
 pub use pictures::{OUTLINE, SHEET};
 pub use products::{Product, products};
+pub use quality::Gate;
 pub use reconstruct::{Reconstruction, Taken};
 pub use result::{AxisResult, HullResult, MeshResult, ResultFile, Timing, ViewResult};
 pub use settings::{

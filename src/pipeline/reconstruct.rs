@@ -10,7 +10,7 @@ use crate::hull::{Cone, HullGrid, VisualHull, find_bounds, silhouette_iou};
 use crate::mesh::{Controls, TetMesh, mesh};
 use crate::report::{Sheet, Shot};
 use crate::session::event::{Happening, Role};
-use crate::silhouette::{Found, Silhouette, Stand};
+use crate::silhouette::{Found, Silhouette, Stand, Traits, ViewQuality};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
@@ -36,6 +36,10 @@ pub struct Taken {
     pub found: Found,
     /// The grain's surroundings, where pictures were asked for.
     pub shot: Option<Shot>,
+    /// How good it is; absent where nobody wants to know.
+    pub quality: Option<ViewQuality>,
+    /// Its figures, to be compared with other views'.
+    pub traits: Option<Traits>,
     /// What decoding and cutting out took, seconds.
     pub seconds: f64,
 }
@@ -181,6 +185,7 @@ pub(super) fn reconstruct(
             angle_deg: t.angle.deg(),
             iou: *iou,
             silhouette: t.found.report.clone(),
+            quality: t.quality.clone(),
         })
         .collect();
     let worst = views.iter().min_by(|a, b| a.iou.total_cmp(&b.iou));

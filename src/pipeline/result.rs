@@ -5,7 +5,7 @@ use crate::calibrate::{AxisMethod, Calibration};
 use crate::geometry::Aabb;
 use crate::hull::{Measures, VoxelCount};
 use crate::mesh::{Controls, Dihedral, TetMesh};
-use crate::silhouette::{Report, Stand};
+use crate::silhouette::{Report, Stand, ViewQuality};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -67,6 +67,8 @@ pub struct ViewResult {
     pub iou: f64,
     /// How the silhouette was found.
     pub silhouette: Report,
+    /// How good the view is, by itself and against the others; `null` where it was not judged.
+    pub quality: Option<ViewQuality>,
 }
 
 /// The visual hull: an upper bound of the grain.

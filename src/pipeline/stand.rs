@@ -98,6 +98,7 @@ mod tests {
             views: 3,
             disagree: Vec::new(),
             unseen: Vec::new(),
+            own: Vec::new(),
         };
         // Two by three, four high; only what faces up or down counts.
         let corner = |x: f64, y: f64, z: f64| Point::new(x, y, z);

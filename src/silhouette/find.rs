@@ -5,7 +5,7 @@ use super::mask::{Connect, Mask};
 use super::outline::Parts;
 use super::pedestal::{self, Pedestal};
 use super::plane::Plane;
-use super::report::{PedestalSeen, Report, Side};
+use super::report::{PedestalSeen, Report};
 use super::search::{Scene, search};
 use super::{
     Classes, Histogram, Holes, PedestalMode, Picture, Polarity, Settings, Silhouette, SilhouetteError, Uncut,
@@ -26,8 +26,6 @@ const FAR: f64 = 0.5;
 const MOST_ROUNDS: usize = 6;
 /// What comes this near (pixels) to the pedestal's top stands on it.
 const RESTING: f64 = 6.0;
-/// A contrast below this many standard deviations of the noise is worth a warning.
-const WEAK_CONTRAST: f64 = 12.0;
 /// A separability below this is worth a warning.
 const WEAK_SEPARABILITY: f64 = 0.7;
 
@@ -336,20 +334,6 @@ fn report(frame: &Rect, scene: &Scene, seen: &Seen, silhouette: &Silhouette) -> 
     let at_end = [r.x0 == frame.x0, r.x1 == frame.x1, r.y0 == frame.y0, r.y1 == frame.y1];
     let touches_border = std::array::from_fn(|k| seen.reaches[k] && at_end[k]);
     let mut warnings = Vec::new();
-    for (side, _) in Side::ALL.iter().zip(touches_border).filter(|(_, touches)| *touches) {
-        warnings.push(format!(
-            "the grain reaches the {} end of the picture: what lies beyond is missing; move the camera or the \
-             grain",
-            side.name()
-        ));
-    }
-    if seen.contrast < WEAK_CONTRAST * seen.noise {
-        warnings.push(format!(
-            "the grain stands only {:.1} grey levels off the background, whose noise is {:.1}: more light \
-             would make the outline surer",
-            seen.contrast, seen.noise
-        ));
-    }
     if seen.separability[0].max(seen.separability[1]) < WEAK_SEPARABILITY {
         warnings.push(format!(
             "grain and background overlap: Otsu's separability is {:.2} where {WEAK_SEPARABILITY} is usual; \

@@ -81,10 +81,29 @@ pub struct Faults {
     pub empty_frame_at: Option<usize>,
     /// The exposure at which the camera answers with an error.
     pub fail_capture_at: Option<usize>,
+    /// The exposure that is out of focus.
+    pub blurred_frame_at: Option<usize>,
+    /// The exposure during which the camera shakes, sideways and a little upwards.
+    pub shaken_frame_at: Option<usize>,
+    /// The exposure that gets twice the light.
+    pub overexposed_frame_at: Option<usize>,
+    /// The exposure that delivers the file of the one before it again.
+    pub repeated_frame_at: Option<usize>,
+    /// The exposure in which something hangs into the picture from above, down to the grain's middle.
+    pub obstructed_frame_at: Option<usize>,
+    /// Whether these five stay once they have come, instead of spoiling one exposure.
+    pub frame_faults_stay: bool,
     /// The move in which the motor loses one full step; the next homing finds it again.
     pub lost_step_at: Option<usize>,
     /// The exposure before which the grain slips on its pedestal, for good.
     pub slip: Option<Slip>,
+}
+
+impl Faults {
+    /// Whether a fault that comes at an exposure spoils the exposure of this number.
+    pub(super) fn spoils(&self, fault_at: Option<usize>, number: usize) -> bool {
+        fault_at.is_some_and(|at| at == number || self.frame_faults_stay && at < number)
+    }
 }
 
 /// A grain that turns on its pedestal.
