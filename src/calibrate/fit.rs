@@ -27,6 +27,8 @@ const PEDESTAL_ECCENTRICITY_PX: f64 = 50.0;
 /// How far a tube is from parallel to the axis, and the least scatter of its lean that is believed, radians.
 const PEDESTAL_TILT_RAD: f64 = 0.01;
 const LEAST_LEAN_SIGMA_RAD: f64 = 1e-4;
+/// What a straight edge may be off by at either end, pixels (standard deviation).
+const EDGE_PX: f64 = 0.03;
 /// Places of the parameters: c, roll, q, p, then every view's shift, then every view's angle.
 pub(super) const ROLL: usize = 1;
 pub(super) const RECIPROCAL: usize = 2;
@@ -55,6 +57,8 @@ pub struct Upright {
     pub top_px: [f64; 2],
     /// How far it leans to smaller columns towards its top, radians.
     pub lean_rad: f64,
+    /// Length of the sides that the lean was read off, pixels; 0 where it is not to be relied on.
+    pub length_px: f64,
 }
 
 /// What holds a parameter before the pictures are asked: value and standard deviation.
@@ -135,8 +139,8 @@ struct Round<'a> {
     regressors: Vec<DMatrix<f64>>,
     /// Pedestals' places right of the line, and their leans beyond the line's, by view.
     pedestals: Vec<(usize, f64, f64)>,
-    /// Standard deviation of a lean, radians.
-    lean_sigma_rad: f64,
+    /// Standard deviation of a lean, radians: a view's own, and what all share.
+    lean_sigma_rad: [f64; 2],
     angles: &'a [f64],
     /// Of the shared parameters.
     priors: [Prior; SHARED],
@@ -178,7 +182,7 @@ pub(super) fn fit(
         let mut spread = hyper.unwrap_or(Hyper {
             curvature_px: (0.2 * mean_reach_px).max(1.0),
             alike: 0.3,
-            edge_px: 0.3,
+            edge_px: 0.1,
             noise_px: 0.1,
             wobble_px: 0.3,
             pedestal_px: 0.1,
@@ -246,7 +250,7 @@ impl<'a> Round<'a> {
             y,
             regressors: Vec::new(),
             pedestals: Vec::new(),
-            lean_sigma_rad: LEAST_LEAN_SIGMA_RAD,
+            lean_sigma_rad: [LEAST_LEAN_SIGMA_RAD; 2],
             angles,
             priors: [Prior { value: 0.0, sigma: 1.0 }; SHARED],
         };
@@ -282,7 +286,8 @@ impl<'a> Round<'a> {
         jumps.sort_by(f64::total_cmp);
         // Of neighbours' differences, whose median is 0.954 standard deviations.
         let scatter = jumps.get(jumps.len() / 2).map_or(0.0, |j| j / 0.954);
-        round.lean_sigma_rad = scatter.max(LEAST_LEAN_SIGMA_RAD);
+        let length = views.iter().filter_map(|v| v.pedestal).map(|p| p.length_px).fold(f64::INFINITY, f64::min);
+        round.lean_sigma_rad = [scatter, 2.0 * EDGE_PX / length.max(0.01)].map(|s| s.max(LEAST_LEAN_SIGMA_RAD));
         Some(round)
     }
 
@@ -371,8 +376,8 @@ impl<'a> Round<'a> {
         all.add(&x, &y, c)?;
         // A tube that is not parallel to the axis leans now to one side, now to the other.
         let c = DMatrix::from_fn(count, count, |i, j| {
-            let noise = if i == j { self.lean_sigma_rad.powi(2) } else { 0.0 };
-            noise + PEDESTAL_TILT_RAD.powi(2) * (angle(i) - angle(j)).cos()
+            let noise = if i == j { self.lean_sigma_rad[0].powi(2) } else { 0.0 };
+            noise + self.lean_sigma_rad[1].powi(2) + PEDESTAL_TILT_RAD.powi(2) * (angle(i) - angle(j)).cos()
         });
         let mut x = DMatrix::zeros(count, all.right.len());
         x.column_mut(ROLL).fill(1.0);

@@ -234,7 +234,7 @@ impl Worked {
         let says = if seen {
             format!("the outlines say {:.0} ± {:.0} mm", scale / q, scale * sigma / (q * q))
         } else if nearest < 20.0 * fit.mean_reach_px * scale {
-            "the outlines do not show it".into()
+            format!("the outlines do not show it ({:.3} ± {:.3} per metre)", 1e3 * q / scale, 1e3 * sigma / scale)
         } else {
             format!(
                 "the views look parallel: the camera is farther than {nearest:.0} mm (95 %), or the lens is telecentric"

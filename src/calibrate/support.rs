@@ -13,7 +13,9 @@ use rayon::prelude::*;
 /// Harmonics that count.
 const HARMONICS: usize = 60;
 /// Standard deviation of the free harmonics, pixels: as good as unbounded.
-const FREE_PX: f64 = 1e3;
+const FREE_PX: f64 = 1e4;
+/// Heights over which light and blur move an edge alike, as a share of the heights' range.
+const EDGE_ALIKE: f64 = 0.08;
 
 /// What the likelihood is maximised over.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,10 +47,14 @@ pub(super) struct Grid {
     free_slope: DMatrix<f64>,
 }
 
-/// The eigenvectors of the heights' covariance, and its eigenvalues.
-pub(super) struct Modes {
-    pub vectors: DMatrix<f64>,
+/// Heights in the combinations in which both shape and noise are independent: with N = LLᵀ the noise's covariance and
+/// L⁻¹KL⁻ᵀ = UΛUᵀ, reaches times L⁻ᵀU have unit noise and the shape's variances Λ.
+struct Modes {
+    transform: DMatrix<f64>,
+    inverse: DMatrix<f64>,
     values: Vec<f64>,
+    /// log |N|
+    log_det: f64,
 }
 
 impl Grid {
@@ -71,27 +77,48 @@ impl Grid {
         self.t.len()
     }
 
-    pub(super) fn modes(&self, alike: f64) -> Modes {
+    fn modes(&self, hyper: &Hyper) -> Option<Modes> {
         let z = &self.heights;
         let range = (z[z.len() - 1] - z[0]).max(1.0);
-        let k = DMatrix::from_fn(z.len(), z.len(), |i, j| (-(z[i] - z[j]).abs() / (alike * range)).exp());
-        let eigen = SymmetricEigen::new(k);
-        Modes { vectors: eigen.eigenvectors, values: eigen.eigenvalues.iter().map(|v| v.max(0.0)).collect() }
+        let alike = |length: f64| {
+            DMatrix::from_fn(z.len(), z.len(), |i, j| (-(z[i] - z[j]).abs() / (length * range)).exp())
+        };
+        let mut noise = alike(EDGE_ALIKE) * hyper.edge_px.powi(2);
+        for i in 0..z.len() {
+            noise[(i, i)] += hyper.noise_px.powi(2);
+        }
+        let l = Cholesky::new(noise)?.l();
+        let mut whitened = alike(hyper.alike);
+        if !l.solve_lower_triangular_mut(&mut whitened) {
+            return None;
+        }
+        whitened = whitened.transpose();
+        if !l.solve_lower_triangular_mut(&mut whitened) {
+            return None;
+        }
+        let eigen = SymmetricEigen::new(0.5 * (&whitened + whitened.transpose()));
+        let transform = l.transpose().solve_upper_triangular(&eigen.eigenvectors)?;
+        Some(Modes {
+            transform,
+            inverse: eigen.eigenvectors.transpose() * l.transpose(),
+            values: eigen.eigenvalues.iter().map(|v| v.max(0.0)).collect(),
+            log_det: 2.0 * l.diagonal().iter().map(|d| d.ln()).sum::<f64>(),
+        })
     }
 
     /// Covariance of the reaches in one mode.
     fn covariance(&self, hyper: &Hyper, value: f64) -> DMatrix<f64> {
         let mut c = &self.shape * (value * hyper.curvature_px.powi(2)) + &self.free;
         for i in 0..c.nrows() {
-            c[(i, i)] += value * hyper.edge_px.powi(2) + hyper.noise_px.powi(2);
+            c[(i, i)] += 1.0;
         }
         c
     }
 
     /// The reaches without their noise, and their derivatives along t: `[sample, height]`.
     pub(super) fn smoothed(&self, reaches: &DMatrix<f64>, hyper: &Hyper) -> Option<[DMatrix<f64>; 2]> {
-        let modes = self.modes(hyper.alike);
-        let y = reaches * &modes.vectors;
+        let modes = self.modes(hyper)?;
+        let y = reaches * &modes.transform;
         let columns: Vec<[DVector<f64>; 2]> = (0..modes.values.len())
             .into_par_iter()
             .map(|m| {
@@ -105,17 +132,17 @@ impl Grid {
             .collect::<Option<_>>()?;
         let gather = |k: usize| {
             let own: Vec<DVector<f64>> = columns.iter().map(|c| c[k].clone()).collect();
-            DMatrix::from_columns(&own) * modes.vectors.transpose()
+            DMatrix::from_columns(&own) * &modes.inverse
         };
         Some([gather(0), gather(1)])
     }
 
     /// Generalised least squares sums of the reaches `y` on the regressors `x` (a matrix `[sample, height]` each).
     pub(super) fn sums(&self, y: &DMatrix<f64>, x: &[DMatrix<f64>], hyper: &Hyper) -> Option<Sums> {
-        let modes = self.modes(hyper.alike);
+        let modes = self.modes(hyper)?;
         let (n, p) = (self.samples(), x.len());
-        let y = y * &modes.vectors;
-        let x: Vec<DMatrix<f64>> = x.par_iter().map(|x| x * &modes.vectors).collect();
+        let y = y * &modes.transform;
+        let x: Vec<DMatrix<f64>> = x.par_iter().map(|x| x * &modes.transform).collect();
         let parts: Vec<Sums> = (0..modes.values.len())
             .into_par_iter()
             .map(|m| {
@@ -138,7 +165,8 @@ impl Grid {
                 })
             })
             .collect::<Option<_>>()?;
-        let zero = Sums { normal: DMatrix::zeros(p, p), right: DVector::zeros(p), square: 0.0, log_det: 0.0 };
+        let log_det = n as f64 * modes.log_det;
+        let zero = Sums { normal: DMatrix::zeros(p, p), right: DVector::zeros(p), square: 0.0, log_det };
         Some(parts.into_iter().fold(zero, |mut a, b| {
             a.normal += b.normal;
             a.right += b.right;

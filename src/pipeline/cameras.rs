@@ -56,7 +56,11 @@ pub(super) fn cameras_of(
             // Its lean as this view saw it: a tilted tube leans now to one side, now to the other.
             pedestal: stand
                 .and_then(|s| s.own.get(k).copied().flatten())
-                .map(|p| Upright { top_px: [p.centre_column, p.top_row], lean_rad: -p.top_slope.atan() }),
+                .map(|p| Upright {
+                    top_px: [p.centre_column, p.top_row],
+                    lean_rad: -p.top_slope.atan(),
+                    length_px: p.side_px(t.silhouette.picture[1]),
+                }),
         })
         .collect();
     let (calibration, axis) = calibrate(&views, &known(table, origin_row_px))?;

@@ -72,6 +72,15 @@ pub struct PedestalSeen {
     pub blur: f64,
 }
 
+impl PedestalSeen {
+    /// Length of the sides that its slope was read off in a picture of so many rows, pixels; 0 where they are shorter
+    /// than the pedestal is wide, so that the slope is its top's, which grain and glue disturb.
+    pub fn side_px(&self, rows: usize) -> f64 {
+        let length = rows as f64 - self.top_row;
+        if length < 2.0 * self.half_width { 0.0 } else { length }
+    }
+}
+
 /// A side of the picture, in the order of [`Report::touches_border`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]

@@ -157,7 +157,11 @@ pub fn calibrated(captured: &Captured, known: &Known) -> (Calibration, Axis) {
             angle: captured.angles[index],
             silhouette: &f.silhouette,
             pedestal: captured.own[index]
-                .map(|p| Upright { top_px: [p.centre_column, p.top_row], lean_rad: -p.top_slope.atan() }),
+                .map(|p| Upright {
+                    top_px: [p.centre_column, p.top_row],
+                    lean_rad: -p.top_slope.atan(),
+                    length_px: p.side_px(f.silhouette.picture[1]),
+                }),
         })
         .collect();
     calibrate(&views, known).expect("a closing view shows the axis")
