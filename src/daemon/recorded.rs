@@ -5,7 +5,7 @@ use super::{DaemonError, Watcher};
 use crate::acquire::{self, Control, Earlier, FrameSink, Outcome, SystemClock};
 use crate::config::Config;
 use crate::geometry::Angle;
-use crate::pipeline::{Cameras, MeshSettings, Pipeline, PipelineError, Reconstruction, View, decode};
+use crate::pipeline::{Cameras, MeshSettings, Photograph, Pipeline, PipelineError, Reconstruction, View};
 use crate::rig::Frame;
 use crate::session::event::{Event, Happening};
 use crate::session::replay::replay as play;
@@ -34,7 +34,7 @@ pub(super) fn computation(recording: &Recording) -> Result<(Config, Pipeline), D
         Some(archived) => {
             let bytes = recording.background()?.map(|f| f.bytes).unwrap_or_default();
             let reason = |reason| DaemonError::Background { file: archived.file.clone(), reason };
-            Some(decode(&bytes).map_err(reason)?)
+            Some(Photograph::open(&bytes).map_err(reason)?)
         }
     };
     let pipeline =

@@ -5,13 +5,15 @@
 //! opposite silhouettes, the hull is carved again with the measured cameras, meshed and written.
 
 mod decode;
+mod jpeg;
 mod products;
 mod reconstruct;
 mod result;
 mod settings;
 mod stream;
 
-pub use decode::decode;
+pub use decode::{Photograph, decode};
+pub use jpeg::Jpeg;
 pub use products::{Product, products};
 pub use reconstruct::{Reconstruction, Taken};
 pub use result::{AxisResult, HullResult, MeshResult, ResultFile, Timing, ViewResult};

@@ -1,9 +1,9 @@
 //! From a photograph to the outline of the grain.
 //!
 //! ```text
-//! picture ─▶ frame ─▶ reduced ─▶ backdrop, channel, polarity, region ─▶ plane (full resolution, region only)
-//!                                                                              │
-//!     silhouette ◀── distance ◀── outline ◀── pedestal, holes ◀── threshold ◀──┘
+//! source ─▶ frame ─▶ reduced ─▶ backdrop, channel, polarity, region ─▶ plane (full resolution, region only)
+//!                                                                             │
+//!     silhouette ◀── distance ◀── outline ◀── pedestal, holes ◀── threshold ◀─┘
 //! ```
 //!
 //! A mask that is one pixel too large everywhere costs 1.2 % of a grain's volume, so the outline is placed
@@ -30,6 +30,7 @@ mod reduced;
 mod report;
 mod search;
 mod settings;
+mod source;
 
 pub use channel::Channel;
 pub use error::SilhouetteError;
@@ -39,3 +40,4 @@ pub use otsu::{Histogram, Split2, Split3};
 pub use picture::Picture;
 pub use report::{PedestalSeen, Report, Side};
 pub use settings::{Classes, Holes, PedestalMode, Polarity, Settings};
+pub use source::{Grid, Source};

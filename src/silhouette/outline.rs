@@ -12,6 +12,18 @@ use rayon::prelude::*;
 pub(super) const BAND: usize = 3;
 /// The widest band: a picture that needs more shows no outline.
 pub(super) const WIDEST: usize = 16;
+/// How far from a body, pixels, anything matters to its outline within a band: what is occupied at a distance of the
+/// band keeps a place from being read that is near enough to a pixel of the band.
+pub(super) fn reach(band: usize) -> usize {
+    band + near_reach(band) + band
+}
+
+/// How far from a pixel of the band its levels are read: the nearest pixel beyond the band is at most the band's width
+/// and a little more away, on either side.
+fn near_reach(band: usize) -> usize {
+    2 * band + 1
+}
+
 /// Pixels of each that are read, the nearest ones: enough against noise, few enough that a lit part does not
 /// set the level of a shaded one beside it.
 const SAMPLES: u32 = 12;
@@ -52,17 +64,19 @@ pub(super) fn place(plane: &Plane, parts: &Parts) -> Field {
     let inner = parts.body.eroded(parts.band);
     let outer = parts.body.dilated(parts.band);
     let taken = parts.occupied.dilated(parts.band);
-    // The nearest pixel beyond the band is at most its width and a little more away, on either side.
-    let rings = rings(2 * parts.band + 1);
+    let read = readable(plane, parts, &inner, &taken);
+    let near = Near::new(parts.band, w);
+    // Beside a pedestal no grain is near: nothing of it need be sought there.
+    let grain = Mask { bits: read.iter().map(|r| u8::from(r >> GRAIN_SHIFT != 0)).collect(), ..*parts.body };
+    let grain_near = grain.dilated(near.reach);
     let mut values = vec![0f32; w * h];
     values.par_chunks_mut(w).enumerate().for_each(|(y, out)| {
         for (x, value) in out.iter_mut().enumerate() {
             let k = y * w + x;
-            let body = parts.body.bits[k] != 0;
             *value = if inner.bits[k] == outer.bits[k] {
-                if body { -1.0 } else { 1.0 }
+                if parts.body.bits[k] != 0 { -1.0 } else { 1.0 }
             } else {
-                in_band(plane, parts, &inner, &taken, &rings, [x, y])
+                in_band(plane, parts, &read, (&near, grain_near.bits[k] != 0), [x, y])
             };
         }
     });
@@ -71,60 +85,134 @@ pub(super) fn place(plane: &Plane, parts: &Parts) -> Field {
     field
 }
 
-/// Places of equal distance from a pixel, as columns and rows away from it.
-type Ring = Vec<(isize, isize)>;
+/// What is read at each pixel, such that sums of a few can be read off too: the lower half is of the background, the
+/// upper half of the grain; in each the lowest 24 bits are the value, from the least one on, the others count it.
+fn readable(plane: &Plane, parts: &Parts, inner: &Mask, taken: &Mask) -> Vec<u64> {
+    let w = inner.width;
+    let mut read = vec![0u64; inner.bits.len()];
+    read.par_chunks_mut(w).enumerate().for_each(|(y, out)| {
+        let masks = inner.bits[y * w..].iter().zip(&taken.bits[y * w..]);
+        let row = masks.zip(&plane.values[y * w..]).zip(out).enumerate();
+        for (x, (((&inner, &taken), &value), out)) in row {
+            let one = 1 << COUNT_SHIFT | u64::from(value.abs_diff(i16::MIN));
+            if inner == 0 {
+                *out = if taken == 0 { one } else { 0 };
+            } else if !(parts.excluded)(x, y) {
+                *out = one << GRAIN_SHIFT;
+            }
+        }
+    });
+    read
+}
 
-/// The places of the window, nearest first.
-fn rings(reach: usize) -> Vec<Ring> {
-    let side = reach as isize;
-    let mut by_distance = std::collections::BTreeMap::<isize, Ring>::new();
-    for dy in -side..=side {
-        for dx in -side..=side {
-            by_distance.entry(dx * dx + dy * dy).or_default().push((dx, dy));
+/// Where the count of values stands in their sum …
+const COUNT_SHIFT: u32 = 24;
+/// … and the grain's sum beside the background's.
+const GRAIN_SHIFT: u32 = 32;
+
+/// Number and mean (grey levels) of the values in a sum; the mean of none is of no use.
+fn mean(sum: u64) -> (u32, f32) {
+    let count = (sum >> COUNT_SHIFT & 0xff) as u32;
+    let total = (sum & ((1 << COUNT_SHIFT) - 1)) as i64 + i64::from(i16::MIN) * i64::from(count);
+    (count, total as f32 / count as f32 / PER_LEVEL)
+}
+
+/// The places about a pixel, nearest first.
+struct Near {
+    reach: usize,
+    /// Columns and rows away.
+    places: Vec<[isize; 2]>,
+    /// The same in a row-major picture.
+    away: Vec<isize>,
+    /// Where the places of each distance end.
+    rings: Vec<usize>,
+}
+
+impl Near {
+    /// In a picture of this width.
+    fn new(band: usize, width: usize) -> Self {
+        let reach = near_reach(band);
+        let side = reach as isize;
+        let mut by_distance = std::collections::BTreeMap::<isize, Vec<[isize; 2]>>::new();
+        for dy in -side..=side {
+            for dx in -side..=side {
+                by_distance.entry(dx * dx + dy * dy).or_default().push([dx, dy]);
+            }
+        }
+        let (mut places, mut rings) = (Vec::new(), Vec::new());
+        for ring in by_distance.into_values() {
+            places.extend(ring);
+            rings.push(places.len());
+        }
+        let away = places.iter().map(|[dx, dy]| dy * width as isize + dx).collect();
+        Self { reach, places, away, rings }
+    }
+}
+
+/// Rings taken together while nothing is decided within them.
+const RINGS: usize = 6;
+
+/// The sum of what is read about a pixel, ring by ring, until there is enough of it; `at` tells what is read at a place
+/// by its number.
+#[inline]
+fn gather(near: &Near, grain_near: bool, at: impl Fn(usize) -> u64) -> u64 {
+    let background = u64::from(u32::MAX);
+    let grain = if grain_near { background << GRAIN_SHIFT } else { 0 };
+    let (mut sum, mut sought, mut start) = (0u64, background | grain, 0);
+    for rings in near.rings.chunks(RINGS) {
+        let end = rings[rings.len() - 1];
+        let all = (start..end).fold(sum, |sum, place| sum + (at(place) & sought));
+        if still(all, background, grain) == sought {
+            (sum, start) = (all, end);
+            continue;
+        }
+        for &end in rings {
+            sum = (start..end).fold(sum, |sum, place| sum + (at(place) & sought));
+            start = end;
+            // The nearest ones are enough: further along the outline the grain may be lit otherwise.
+            sought = still(sum, background, grain);
+            if sought == 0 {
+                return sum;
+            }
         }
     }
-    by_distance.into_values().collect()
+    sum
+}
+
+/// The halves of a sum that lack values.
+#[inline]
+fn still(sum: u64, background: u64, grain: u64) -> u64 {
+    let lacks = |half: u64| half >> COUNT_SHIFT & 0xff < SAMPLES.into();
+    (if lacks(sum) { background } else { 0 }) | (if lacks(sum >> GRAIN_SHIFT) { grain } else { 0 })
 }
 
 fn in_band(
     plane: &Plane,
     parts: &Parts,
-    inner: &Mask,
-    taken: &Mask,
-    rings: &[Ring],
+    read: &[u64],
+    (near, grain_near): (&Near, bool),
     [x, y]: [usize; 2],
 ) -> f32 {
-    let w = plane.width;
-    let (mut inside, mut n_inside, mut outside, mut n_outside) = (0i64, 0u32, 0i64, 0u32);
-    for ring in rings {
-        // The nearest ones are enough: further along the outline the grain may be lit otherwise.
-        let (seek_inside, seek_outside) = (n_inside < SAMPLES, n_outside < SAMPLES);
-        if !seek_inside && !seek_outside {
-            break;
-        }
-        for &(dx, dy) in ring {
-            let (Some(i), Some(j)) = (x.checked_add_signed(dx), y.checked_add_signed(dy)) else { continue };
-            if i >= w || j >= plane.height {
-                continue;
+    let (w, h) = (plane.width, plane.height);
+    let k = y * w + x;
+    let clear = |at: usize, size: usize| (near.reach..size.saturating_sub(near.reach)).contains(&at);
+    let sum = if clear(x, w) && clear(y, h) {
+        gather(near, grain_near, |place| read[k.wrapping_add_signed(near.away[place])])
+    } else {
+        gather(near, grain_near, |place| {
+            let [dx, dy] = near.places[place];
+            match (x.checked_add_signed(dx), y.checked_add_signed(dy)) {
+                (Some(i), Some(j)) if i < w && j < h => read[j * w + i],
+                _ => 0,
             }
-            let k = j * w + i;
-            let value = i64::from(plane.values[k]);
-            if inner.bits[k] != 0 {
-                if seek_inside && !(parts.excluded)(i, j) {
-                    inside += value;
-                    n_inside += 1;
-                }
-            } else if seek_outside && taken.bits[k] == 0 {
-                outside += value;
-                n_outside += 1;
-            }
-        }
-    }
-    let value = level(parts.smooth[y * w + x]);
-    let background =
-        if n_outside >= LEAST_SAMPLES { outside as f32 / n_outside as f32 / PER_LEVEL } else { 0.0 };
+        })
+    };
+    let (n_outside, outside) = mean(sum);
+    let (n_inside, inside) = mean(sum >> GRAIN_SHIFT);
+    let value = level(parts.smooth[k]);
+    let background = if n_outside >= LEAST_SAMPLES { outside } else { 0.0 };
     let grain = if n_inside >= LEAST_SAMPLES {
-        inside as f32 / n_inside as f32 / PER_LEVEL
+        inside
     } else {
         // A part thinner than its blur: its brightest ridge stands for it.
         ridge(plane, parts.smooth, x, y)
