@@ -149,7 +149,7 @@ impl Near {
     }
 }
 
-/// Rings taken together while nothing is decided within them.
+/// Rings taken together while nothing is decided within them: no more than 200 places, which the counts can hold.
 const RINGS: usize = 6;
 
 /// The sum of what is read about a pixel, ring by ring, until there is enough of it; `at` tells what is read at a place

@@ -27,6 +27,8 @@ use std::ops::Range;
 
 /// Pixels along a block.
 const BLOCK: usize = 8;
+/// Bytes of all pixels, at most: as the general decoder has it.
+const MOST_BYTES: usize = 1 << 30;
 /// The longer side of a picture's small copy, cells, at most about this many …
 const LONGEST: usize = 600;
 /// … and at least this many: with fewer blocks than that all pixels are better looked at.
@@ -34,7 +36,7 @@ const SHORTEST: usize = 300;
 
 /// A JPEG whose data have been passed over once.
 ///
-/// It holds the coded data and a sixteenth of a byte to a byte a pixel beside them, not the pixels.
+/// It holds the coded data and about a tenth of a byte a pixel beside them, not the pixels.
 #[derive(Debug, Clone)]
 pub struct Jpeg {
     header: Header,
@@ -47,7 +49,8 @@ impl Jpeg {
     pub fn read(bytes: &[u8]) -> Option<Self> {
         let header = Header::read(bytes)?;
         let [width, height] = header.size;
-        if width.max(height) < SHORTEST * BLOCK || !Picture::fits(width, height) {
+        let fits = Picture::fits(width, height) && width * height * header.components.len() <= MOST_BYTES;
+        if width.max(height) < SHORTEST * BLOCK || !fits {
             return None;
         }
         let scan = Scan::read(bytes, &header)?;

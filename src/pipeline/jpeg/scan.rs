@@ -45,6 +45,10 @@ impl Scan {
         let mut end = ends.next()?;
         let mut until_restart = header.restart;
         for row in 0..down {
+            if bits.position() > 8 * data.len() {
+                // The header promises more than there is.
+                return None;
+            }
             for column in 0..across {
                 if header.restart > 0 {
                     if until_restart == 0 {
