@@ -10,7 +10,7 @@ mod common;
 use common::{median_s, rig, tell};
 use grainrig::pipeline::{Photograph, decode};
 use grainrig::rig::{Camera as _, RotationStage as _, simulated::open};
-use grainrig::silhouette::{Histogram, Settings, find};
+use grainrig::silhouette::{Histogram, Settings, assess, find};
 use std::path::Path;
 use std::process::Command;
 
@@ -28,9 +28,12 @@ fn main() {
             let photograph = Photograph::open(bytes).expect("a JPEG");
             find(&photograph, None, &settings).expect("a grain")
         };
+        let photograph = Photograph::open(&bytes).expect("a JPEG");
+        let found = whole(&bytes);
         one_core.install(|| {
             let opening = median_s(|| Photograph::open(&bytes));
             let ours = median_s(|| whole(&bytes));
+            let judging = median_s(|| assess(&photograph, &found));
             let toolbox = median_s(|| largest_component(&bytes));
             let size = format!("{width} × {height} px");
             let rate = |s: f64| format!("{:.0} Mpx/s", (width * height) as f64 / s * 1e-6);
@@ -41,6 +44,7 @@ fn main() {
             tell("photograph, opened", &size, opening, &rate(opening), yardstick);
             tell("photograph → silhouette", &size, ours, &rate(ours), yardstick);
             tell("", &size, ours, &rate(ours), ("decode, Otsu, components", toolbox));
+            tell("view quality", &size, judging, &rate(judging), ("one silhouette", ours));
             tell("decode, Otsu, components", &size, toolbox, &rate(toolbox), yardstick);
         });
     }

@@ -1,7 +1,7 @@
 //! The configuration file: TOML, every key documented in `config/`, unknown keys refused.
 
-use crate::acquire::PlanSettings;
-use crate::pipeline::{self, HullSettings, MeshSettings, TurntableSettings};
+use crate::acquire::{AcquireSettings, PlanSettings};
+use crate::pipeline::{self, HullSettings, MeshSettings, ReportSettings, TurntableSettings};
 use crate::{rig, silhouette};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -14,6 +14,8 @@ pub struct Config {
     pub rig: RigSettings,
     /// How many views, how far apart.
     pub plan: PlanSettings,
+    /// What becomes of pictures that are no good.
+    pub acquire: AcquireSettings,
     /// What is known of the camera.
     pub optics: TurntableSettings,
     /// How the grain is told from pedestal and background.
@@ -22,6 +24,8 @@ pub struct Config {
     pub hull: HullSettings,
     /// The mesh's three controls.
     pub mesh: MeshSettings,
+    /// What is drawn for a person's eye.
+    pub report: ReportSettings,
     /// The simulated rig.
     pub simulated: rig::simulated::Settings,
     /// The web service.
@@ -141,6 +145,7 @@ impl Config {
             silhouette: self.silhouette.clone(),
             hull: self.hull.clone(),
             mesh: self.mesh.clone(),
+            report: self.report,
         }
     }
 }

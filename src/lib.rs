@@ -9,6 +9,7 @@ pub mod config;
 pub mod daemon;
 pub mod export;
 pub mod pipeline;
+pub mod report;
 pub mod rig;
 pub mod server;
 pub mod session;

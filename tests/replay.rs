@@ -13,6 +13,9 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
+/// Mesh in three forms, figures, the calibration's sheet in two, and an outline for each view.
+const PRODUCTS: usize = 4 + 2 + VIEWS;
+
 fn captured() -> Lab {
     let lab = Lab::new();
     lab.capture("a").succeeds();
@@ -23,7 +26,7 @@ fn captured() -> Lab {
 fn a_replay_gives_the_recorded_bytes_on_any_number_of_threads() {
     let lab = captured();
     let (recorded, journal) = (lab.products("a"), read(&lab.session("a").join("journal.jsonl")));
-    assert_eq!(recorded.len(), 4);
+    assert_eq!(recorded.len(), PRODUCTS);
     for threads in ["1", "3", "2"] {
         let ran = Ran::from(lab.command(&["replay", "a"]).env("RAYON_NUM_THREADS", threads)).succeeds();
         assert!(ran.stdout.ends_with("every product has the recorded bytes\n"), "{}", ran.stdout);
@@ -90,7 +93,7 @@ fn a_session_without_products_gets_its_first_ones_and_then_replays_to_them() {
     lab.run(&["replay", "a"]).succeeds();
     assert_eq!(lab.recording("a").state(), State::Complete);
     let made = lab.products("a");
-    assert_eq!(made.len(), 4);
+    assert_eq!(made.len(), PRODUCTS);
     lab.run(&["replay", "a"]).succeeds();
     assert_eq!(lab.products("a"), made);
     lab.assert_sound("a");
@@ -158,7 +161,7 @@ fn verify_names_the_file_in_which_one_byte_has_changed() {
     let lab = captured();
     let folder = lab.session("a");
     let all = recorded_files(&folder);
-    assert_eq!(all.len(), 2 + VIEWS + 4);
+    assert_eq!(all.len(), 2 + VIEWS + PRODUCTS);
     for file in all {
         let path = folder.join(&file);
         let whole = read(&path);

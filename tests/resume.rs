@@ -143,7 +143,8 @@ fn a_complete_session_has_nothing_to_resume_and_is_left_as_it_is() {
 fn a_computation_that_failed_is_done_again_without_the_rig() {
     let lab = Lab::new();
     // No silhouette is that large, so each attempt fails in the same way, and takes no picture again.
-    let config = lab.config(&[("silhouette", "min_area_px = 60000.0")]);
+    let label = ("acquire", "quality = 'label'");
+    let config = lab.config(&[("silhouette", "min_area_px = 60000.0"), label]);
     let ran: Ran = lab.run(&["--config", &config, "capture", "a"]);
     ran.fails(1, &["error: view ", "no grain in view"]);
     let before = captured(&lab);

@@ -72,8 +72,9 @@ fn happening() -> impl Strategy<Value = Happening> {
                 remaining_s,
             }
         ),
-        (0..999usize, number(), proptest::collection::vec(any::<String>(), 0..3))
-            .prop_map(|(view, area_px, warnings)| Happening::Silhouette { view, area_px, warnings }),
+        (0..999usize, number(), proptest::collection::vec(any::<String>(), 0..3)).prop_map(
+            |(view, area_px, warnings)| Happening::Silhouette { view, area_px, verdict: None, warnings }
+        ),
         any::<String>().prop_map(|error| Happening::Failed { error }),
     ]
 }

@@ -7,9 +7,9 @@
 const API = "/api/v1";
 
 /** The kinds of event that the stream names. */
-const KINDS = [
-  "started", "homed", "moving", "captured", "paused", "resumed", "aborted", "acquisition_complete",
-  "silhouette", "hull", "working", "products", "failed", "complete",
+export const KINDS = [
+  "started", "homed", "moving", "captured", "rejected", "suspended", "paused", "resumed", "aborted",
+  "acquisition_complete", "silhouette", "judged", "hull", "working", "products", "failed", "complete",
 ];
 
 /** A refusal of the daemon, or no answer from it. */

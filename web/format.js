@@ -159,6 +159,12 @@ export function line(event) {
       return `All ${event.views} views captured`;
     case "silhouette":
       return `${view()}: silhouette of ${number(Math.round(event.area_px))} px²` + event.warnings.map((/** @type {string} */ text) => `; ${text}`).join("");
+    case "judged":
+      return `${view()} does not fit its neighbours: ${event.warnings.join("; ")}`;
+    case "rejected":
+      return `${view()}${event.tries ? `, picture ${event.tries}` : ""} is no good: ${event.cause}`;
+    case "suspended":
+      return `Suspended at view ${event.view + 1}: ${event.cause}`;
     case "hull":
       if (event.volume_mm3 === null) return `Hull of ${event.views} view${event.views === 1 ? "" : "s"}`;
       return `Hull of ${event.views} views: ${volume(event.volume_mm3)}`;

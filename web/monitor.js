@@ -71,8 +71,18 @@ function showRun() {
   write(error, status.error ?? "");
   part("warnings-card").hidden = status.warnings.length === 0;
   part("warnings").replaceChildren(
-    ...status.warnings.map(({ view, text }) => make("li", {}, make("b", {}, `View ${view + 1} `), text)),
+    ...status.warnings.map(({ view, verdict, text }) =>
+      make("li", { "data-verdict": verdict ?? "none" }, make("b", {}, `View ${view + 1} `), badge(verdict), text),
+    ),
   );
+}
+
+/**
+ * The mark of a view that is not good.
+ * @param {import("./status.js").Verdict|null} verdict
+ */
+function badge(verdict) {
+  return make("span", { class: "verdict" }, verdict === null || verdict === "good" ? "" : `${verdict} `);
 }
 
 /** What goes on, in a sentence. */
@@ -86,7 +96,9 @@ function doing() {
     case "running":
       return next && `At ${next}.`;
     case "paused":
-      return "The stage rests until the run is resumed.";
+      return status.error === null
+        ? "The stage rests until the run is resumed."
+        : "Suspended: once the cause is mended, Resume takes the view again.";
     case "computing":
       return status.stage ? `${stageName(status.stage.name)}, ${Math.round(status.stage.done * 100)} %` : "All views are captured.";
     case "complete":
@@ -122,7 +134,7 @@ function showHull() {
 }
 
 function showResult() {
-  const all = status.result === null ? [] : leaves(status.result).filter(({ path }) => !path.startsWith("view_details."));
+  const all = status.result === null ? [] : leaves(status.result).filter(({ path }) => !/^(view_details\.|products\.outline_)/.test(path));
   part("no-result").hidden = all.length > 0;
   part("headline").replaceChildren(
     ...headlines(all).map(({ label, value, how }) =>

@@ -60,11 +60,23 @@ function sessionItem(session, complain) {
  */
 export function files(session, folder, list) {
   if (list.length === 0) return make("p", { class: "hint" }, `No ${folder}.`);
-  return make(
-    "ul",
-    { class: "files" },
-    ...list.map(({ file }) => make("li", {}, make("a", { href: fileUrl(session, folder, file), ...saved(file) }, file))),
-  );
+  const link = (/** @type {string} */ file, /** @type {Node | string} */ shown) =>
+    make("li", {}, make("a", { href: fileUrl(session, folder, file), ...saved(file) }, shown));
+  const [drawn, others] = [true, false].map((is) => list.map(({ file }) => file).filter((file) => isDrawn(folder, file) === is));
+  const names = make("ul", { class: "files" }, ...others.map((file) => link(file, file)));
+  if (drawn.length === 0) return names;
+  const picture = (/** @type {string} */ file) =>
+    make("img", { src: fileUrl(session, folder, file), alt: file, title: file, loading: "lazy" });
+  return make("div", {}, names, make("ul", { class: "drawn" }, ...drawn.map((file) => link(file, picture(file)))));
+}
+
+/**
+ * Whether a file is a drawing that is shown, not only named: an outline over its photograph, the calibration's sheet.
+ * @param {"frames"|"products"} folder
+ * @param {string} file
+ */
+function isDrawn(folder, file) {
+  return folder === "products" && /^(outline_\d+|calibration)\.png$/.test(file);
 }
 
 /**

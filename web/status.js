@@ -3,6 +3,7 @@
 // same answers.
 
 /** @typedef {"idle"|"starting"|"running"|"paused"|"computing"|"complete"|"aborted"|"failed"} RunState */
+/** @typedef {"good"|"doubtful"|"bad"} Verdict */
 /** @typedef {{ views: number, volume_mm3: number|null }} HullPoint */
 /**
  * @typedef {object} Status
@@ -16,7 +17,7 @@
  * @property {string|null} last_frame
  * @property {HullPoint[]} hull
  * @property {{ name: string, done: number }|null} stage
- * @property {{ view: number, text: string }[]} warnings
+ * @property {{ view: number, verdict: Verdict|null, text: string }[]} warnings
  * @property {string[]} products
  * @property {unknown} result
  * @property {string|null} error
@@ -45,6 +46,17 @@ export function idle() {
     result: null,
     error: null,
   };
+}
+
+/**
+ * The warnings with those of one more view.
+ * @param {Status} before
+ * @param {number} view
+ * @param {Verdict|null} verdict
+ * @param {string[]} texts
+ */
+function more(before, view, verdict, texts) {
+  return [...before.warnings, ...texts.map((text) => ({ view, verdict, text }))].slice(0, WARNINGS_KEPT);
 }
 
 /**
@@ -81,15 +93,18 @@ export function fold(before, event) {
     case "paused":
       return { ...before, state: "paused" };
     case "resumed":
-      return { ...before, state: "running" };
+      return { ...before, state: "running", error: null };
+    case "suspended":
+      return { ...before, error: event.cause };
     case "aborted":
       return ended("aborted");
     case "acquisition_complete":
       return { ...before, state: "computing", remaining_s: null };
-    case "silhouette": {
-      const more = event.warnings.map((/** @type {string} */ text) => ({ view: event.view, text }));
-      return { ...before, warnings: [...before.warnings, ...more].slice(0, WARNINGS_KEPT) };
-    }
+    case "silhouette":
+    case "judged":
+      return { ...before, warnings: more(before, event.view, event.verdict ?? null, event.warnings) };
+    case "rejected":
+      return { ...before, warnings: more(before, event.view, "bad", [event.cause]) };
     case "hull": {
       const point = { views: event.views, volume_mm3: event.volume_mm3 };
       return { ...before, hull: [...before.hull, point].slice(0, HULL_POINTS_KEPT) };

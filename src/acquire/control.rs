@@ -18,6 +18,9 @@ use std::time::Duration;
 ///  any of the above ──abort──▶ Aborted        any of the above ──error──▶ Failed
 /// ```
 ///
+/// A view of which every picture was no good suspends a run that is attended: it pauses, and goes on with this view.
+/// One that nobody attends fails.
+///
 /// A whole picture is stored before a run pauses or is aborted. Aborted and failed runs keep what is
 /// captured; a new run goes on with the missing views, from Idle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
@@ -78,12 +81,23 @@ struct Shared {
 #[derive(Debug, Clone, Default)]
 pub struct Control {
     shared: Arc<Shared>,
+    attended: bool,
 }
 
 impl Control {
     /// A control whose run may go.
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// A control whose run may go, and waits for somebody where it can't go on by itself.
+    pub fn attended() -> Self {
+        Self { attended: true, ..Self::default() }
+    }
+
+    /// Whether there is somebody who can let a suspended run go on.
+    pub fn is_attended(&self) -> bool {
+        self.attended
     }
 
     fn lock(&self) -> MutexGuard<'_, (Wish, Phase)> {

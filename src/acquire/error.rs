@@ -63,6 +63,19 @@ pub enum AcquireError {
         /// What was wrong with the last one.
         fault: PictureFault,
     },
+    /// Every picture of a view was whole, and none was good enough to carve with.
+    #[error(
+        "view {view}: none of {tries} picture(s) is good enough, the last one is not for this: {cause}. Mend that, then \
+         `grainrig resume` goes on with this view; `--quality label` keeps it as it is"
+    )]
+    Unfit {
+        /// The view's index.
+        view: usize,
+        /// Pictures taken.
+        tries: u32,
+        /// Value, unit, limit and remedy of what was wrong with the last one.
+        cause: String,
+    },
     /// The pictures could not be kept.
     #[error(transparent)]
     Session(#[from] SessionError),

@@ -1,12 +1,13 @@
 //! The acquisition: from a plan to durable pictures.
 //!
 //! [`PlanSettings::check`] makes the plan, [`run()`] carries it out on any stage and camera, a [`FrameSink`]
-//! keeps what they deliver, a [`Control`] pauses, resumes and aborts.
+//! refuses what is no use and keeps the rest, a [`Control`] pauses, resumes and aborts.
 
 mod clock;
 mod control;
 mod error;
 mod plan;
+mod quality;
 mod run;
 mod sink;
 
@@ -14,5 +15,6 @@ pub use clock::{Clock, SystemClock};
 pub use control::{Control, Phase};
 pub use error::{AcquireError, PlanError};
 pub use plan::PlanSettings;
+pub use quality::{AcquireSettings, QualityMode};
 pub use run::{Outcome, run};
 pub use sink::{Earlier, FrameSink, SessionSink};

@@ -184,22 +184,41 @@ impl Run<'_> {
 
     fn expose(&mut self, view: usize, bad: u32) -> Result<Phase, AcquireError> {
         let mut frame = self.camera.capture().map_err(|source| AcquireError::Camera { view, source })?;
-        match probe(&frame.bytes, self.size) {
-            Ok((encoding, size)) => {
-                // What the bytes are counts, not what the driver takes them for.
-                frame.encoding = encoding;
-                self.size = Some(size);
-                self.frame = Some(frame);
-                Ok(Phase::Storing { view })
-            }
-            Err(fault) if bad >= self.plan.retakes => {
-                Err(AcquireError::BadFrames { view, tries: bad + 1, fault })
-            }
+        let (encoding, size) = match probe(&frame.bytes, self.size) {
+            Ok(found) => found,
             Err(fault) => {
-                tracing::warn!(view, bad = bad + 1, %fault, "the picture is taken again");
-                Ok(Phase::Exposing { view, bad: bad + 1 })
+                return match self.reject(view, bad, &fault.to_string())? {
+                    Some(again) => Ok(again),
+                    None => Err(AcquireError::BadFrames { view, tries: bad + 1, fault }),
+                };
             }
+        };
+        // What the bytes are counts, not what the driver takes them for.
+        frame.encoding = encoding;
+        if let Some(planned) = self.missing.front()
+            && let Err(cause) = self.sink.examine(planned, self.reached, &frame)
+        {
+            return match self.reject(view, bad, &cause)? {
+                Some(again) => Ok(again),
+                None if self.control.is_attended() => {
+                    // Whoever watches mends it and lets the run go on: with this view, and all its tries.
+                    self.sink.event(Happening::Suspended { view, cause })?;
+                    self.control.pause();
+                    Ok(Phase::Exposing { view, bad: 0 })
+                }
+                None => Err(AcquireError::Unfit { view, tries: bad + 1, cause }),
+            };
         }
+        self.size = Some(size);
+        self.frame = Some(frame);
+        Ok(Phase::Storing { view })
+    }
+
+    /// A picture is no use: journalled with its cause. The phase in which it is taken again, where it may be.
+    fn reject(&mut self, view: usize, bad: u32, cause: &str) -> Result<Option<Phase>, AcquireError> {
+        let tries = bad + 1;
+        self.sink.event(Happening::Rejected { view, tries: Some(tries), cause: cause.to_owned() })?;
+        Ok((bad < self.plan.retakes).then_some(Phase::Exposing { view, bad: tries }))
     }
 
     fn store(&mut self) -> Result<(), AcquireError> {

@@ -23,6 +23,13 @@ pub trait FrameSink {
     /// # Errors
     /// [`SessionError`] where the sink cannot keep anything.
     fn begin(&mut self) -> Result<Earlier, SessionError>;
+    /// Looks at a whole picture before it is kept. Takes as long as finding the grain in it does.
+    ///
+    /// # Errors
+    /// Why it is to be taken again: value, unit, limit and remedy.
+    fn examine(&mut self, _view: &PlannedView, _reached: Angle, _frame: &Frame) -> Result<(), String> {
+        Ok(())
+    }
     /// Makes a picture durable and passes it on.
     ///
     /// # Errors
@@ -41,17 +48,31 @@ pub trait FrameSink {
     fn event(&mut self, what: Happening) -> Result<(), SessionError>;
 }
 
+/// Looks at a picture before it is kept.
+type Examine<'a> = dyn FnMut(&PlannedView, Angle, &Frame) -> Result<(), String> + 'a;
+
 /// Keeps pictures and events in a session and passes each durable picture on.
-pub struct SessionSink<F> {
+pub struct SessionSink<'a, F> {
     session: Arc<Mutex<Session>>,
     forward: F,
+    examine: Option<Box<Examine<'a>>>,
 }
 
-impl<F: FnMut(CapturedView, Frame)> SessionSink<F> {
+impl<'a, F: FnMut(CapturedView, Frame)> SessionSink<'a, F> {
     /// A sink into `session`; `forward` gets each picture once it is durable. It may block (a bounded
     /// channel): the session is not locked meanwhile.
     pub fn new(session: Arc<Mutex<Session>>, forward: F) -> Self {
-        Self { session, forward }
+        Self { session, forward, examine: None }
+    }
+
+    /// The same sink with somebody who looks at each picture before it is kept.
+    #[must_use]
+    pub fn with_gate(
+        mut self,
+        examine: impl FnMut(&PlannedView, Angle, &Frame) -> Result<(), String> + 'a,
+    ) -> Self {
+        self.examine = Some(Box::new(examine));
+        self
     }
 
     fn session(&self) -> MutexGuard<'_, Session> {
@@ -60,7 +81,7 @@ impl<F: FnMut(CapturedView, Frame)> SessionSink<F> {
     }
 }
 
-impl<F: FnMut(CapturedView, Frame)> FrameSink for SessionSink<F> {
+impl<F: FnMut(CapturedView, Frame)> FrameSink for SessionSink<'_, F> {
     fn begin(&mut self) -> Result<Earlier, SessionError> {
         let mut session = self.session();
         let recording = session.recording();
@@ -77,6 +98,10 @@ impl<F: FnMut(CapturedView, Frame)> FrameSink for SessionSink<F> {
         };
         session.append(what)?;
         Ok(Earlier { captured, size })
+    }
+
+    fn examine(&mut self, view: &PlannedView, reached: Angle, frame: &Frame) -> Result<(), String> {
+        self.examine.as_mut().map_or(Ok(()), |examine| examine(view, reached, frame))
     }
 
     fn store(

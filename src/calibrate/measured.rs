@@ -29,6 +29,8 @@ pub struct Measured {
 
 impl Measured {
     /// Measured from the pictures.
+    // Named as its siblings are, after where the number comes from.
+    #[allow(clippy::self_named_constructors)]
     pub fn measured(value: f64, sigma: f64) -> Self {
         Self { value: Some(value), sigma: Some(sigma), how: How::Measured }
     }

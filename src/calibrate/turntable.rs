@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 ///
 /// A place (x, y, z) of the grain is turned by the stage angle a (counter-clockwise seen from above) to
 /// x' = x cos a − y sin a, y' = x sin a + y cos a; its picture is scaled by s = D/(D + y') (s = 1 for a
-/// telecentric lens); the picture is turned by the roll about the axis' foot.
+/// telecentric lens); rays that rise going away see a place lower the farther it is; the picture is turned by the roll
+/// about the axis' foot.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Turntable {
     /// Size of a pixel at the axis, mm.
@@ -17,8 +18,9 @@ pub struct Turntable {
     pub axis_column_px: f64,
     /// The row of z = 0.
     pub origin_row_px: f64,
-    /// The row in which the optical axis meets the rotation axis (no effect on a telecentric camera).
-    pub principal_row_px: f64,
+    /// How far the view rays rise going away from the camera, at the axis' foot, radians (small): the camera's
+    /// pitch, and for a pinhole how far the foot lies below its height.
+    pub elevation_rad: f64,
     /// Turn of the picture: with a positive roll the axis leans to smaller columns towards the top.
     pub roll_rad: f64,
     /// Distance from the centre of projection to the axis, mm; `None` for a telecentric lens.
@@ -33,11 +35,8 @@ impl Turntable {
         // w = 1/s, linear in the place; u and v in pixels from the axis' foot, times w.
         let w = self.camera_distance_mm.map_or([0.0, 0.0, 0.0, 1.0], |d| [sin / d, cos / d, 0.0, 1.0]);
         let u = [cos / m, -sin / m, 0.0, 0.0];
-        let optical_z = (self.origin_row_px - self.principal_row_px) * m;
-        let v: [f64; 4] = std::array::from_fn(|k| {
-            let place = if k == 2 { -1.0 / m } else { 0.0 } + if k == 3 { optical_z / m } else { 0.0 };
-            place - optical_z / m * w[k]
-        });
+        let rise = self.elevation_rad / m;
+        let v = [rise * sin, rise * cos, -1.0 / m, 0.0];
         let (sr, cr) = self.roll_rad.sin_cos();
         let column = |k: usize| (self.axis_column_px + offset_px) * w[k] + u[k] * cr + v[k] * sr;
         let row = |k: usize| self.origin_row_px * w[k] - u[k] * sr + v[k] * cr;
@@ -60,7 +59,7 @@ mod tests {
             mm_per_px: 0.00437,
             axis_column_px: 524.7,
             origin_row_px: 705.0,
-            principal_row_px: 705.0,
+            elevation_rad: 0.0,
             roll_rad: -0.3f64.to_radians(),
             camera_distance_mm: Some(120.0),
         };
@@ -74,12 +73,14 @@ mod tests {
         let expected = [524.7 + 2.5 + u * cr + v * sr, 705.0 - u * sr + v * cr];
         let got = t.view(angle, 2.5).project(&p).unwrap();
         assert!((got[0] - expected[0]).abs() < 1e-9 && (got[1] - expected[1]).abs() < 1e-9);
-        // A place on the optical axis' height does not move with depth.
-        let high = Turntable { principal_row_px: 400.0, roll_rad: 0.0, ..t };
-        let z = (705.0 - 400.0) * 0.00437;
-        for y in [-1.0, 0.0, 1.0] {
-            let row = high.view(Angle::default(), 0.0).project(&Point::new(0.0, y, z)).unwrap()[1];
-            assert!((row - 400.0).abs() < 1e-9);
+        // A place on the ray through the foot does not move with depth, before a pinhole or a telecentric lens.
+        for camera_distance_mm in [Some(120.0), None] {
+            let rising = Turntable { elevation_rad: 0.02, roll_rad: 0.0, camera_distance_mm, ..t };
+            for y in [-1.0, 0.0, 1.0] {
+                let row =
+                    rising.view(Angle::default(), 0.0).project(&Point::new(0.0, y, 0.02 * y)).unwrap()[1];
+                assert!((row - 705.0).abs() < 1e-9);
+            }
         }
         let telecentric = Turntable { camera_distance_mm: None, ..t };
         assert!(telecentric.view(angle, 0.0).is_orthographic());

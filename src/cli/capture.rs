@@ -3,8 +3,9 @@
 use super::output::{print, print_json, say};
 use super::progress::Progress;
 use super::signals::stoppable;
-use super::{Common, usage};
-use crate::daemon::{self, Finished, Resumed};
+use super::{Common, Quality, usage};
+use crate::daemon::{self, Finished, Resumed, ScaleFile};
+use crate::pipeline::OUTLINE;
 use anyhow::Result;
 use clap::Args;
 use std::path::PathBuf;
@@ -18,6 +19,17 @@ pub struct Arguments {
     /// The step between them is the greatest whole number of motor steps that keeps them within it.
     #[arg(long, value_name = "COUNT", allow_negative_numbers = true)]
     views: Option<u32>,
+    /// A file of `grainrig calibrate scale`, which sets the size of a pixel instead of the configuration
+    /// (`optics.mm_per_px`), and the camera's distance where it was given there.
+    #[arg(long, value_name = "FILE")]
+    calibration: Option<PathBuf>,
+    /// Draw no outlines over the photographs, and no sheet of the calibration.
+    #[arg(long)]
+    no_pictures: bool,
+    /// What becomes of a picture that is out of focus, shaken, overexposed, obstructed or a copy of another, instead
+    /// of what the configuration says.
+    #[arg(long, value_enum)]
+    quality: Option<Quality>,
     /// Write the simulated rig's truth (shape, angles, camera) into this folder.
     #[arg(long, value_name = "DIR")]
     truth: Option<PathBuf>,
@@ -28,6 +40,10 @@ pub struct Arguments {
 pub struct ResumeArguments {
     /// The session: its name in the data folder, or its folder's path.
     session: PathBuf,
+    /// What becomes of a picture that is no good among the missing views, instead of what the session's
+    /// configuration says.
+    #[arg(long, value_enum)]
+    quality: Option<Quality>,
 }
 
 pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
@@ -45,6 +61,16 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         config.plan.views = views;
         config.plan.steps_per_view = steps as u32;
         config.plan.check().map_err(usage)?;
+    }
+    if let Some(path) = &arguments.calibration {
+        let scale = ScaleFile::read(path)?.given();
+        config.optics.mm_per_px = scale.mm_per_px;
+        config.optics.mm_per_px_sigma = scale.sigma;
+        config.optics.camera_distance_mm = scale.camera_distance_mm.or(config.optics.camera_distance_mm);
+    }
+    config.report.pictures &= !arguments.no_pictures;
+    if let Some(quality) = arguments.quality {
+        config.acquire.quality = quality.into();
     }
     let control = stoppable();
     let progress = Progress::new();
@@ -64,7 +90,7 @@ pub(super) fn resume(common: &Common, arguments: &ResumeArguments) -> Result<()>
     let folder = super::session_folder(common, &arguments.session)?;
     let control = stoppable();
     let progress = Progress::new();
-    let outcome = daemon::resume(&folder, &control, &progress.watcher());
+    let outcome = daemon::resume(&folder, arguments.quality.map(Into::into), &control, &progress.watcher());
     progress.finish();
     match outcome? {
         Resumed::Done(done) => report(common, &done),
@@ -114,7 +140,12 @@ pub(super) fn summary(done: &Finished) -> String {
             r.mesh.facet_angle_deg.min
         ),
     ];
-    lines.extend(r.products.iter().map(|(kind, path)| format!("{kind:<10} {path}")));
+    let outlines = || r.products.iter().filter(|(kind, _)| kind.starts_with(OUTLINE));
+    let others = r.products.iter().filter(|(kind, _)| !kind.starts_with(OUTLINE));
+    lines.extend(others.map(|(kind, path)| format!("{kind:<10} {path}")));
+    if let Some((_, first)) = outlines().next() {
+        lines.push(format!("outlines   {first} and {} more", outlines().count() - 1));
+    }
     lines.extend(r.warnings.iter().map(|w| format!("note       {w}")));
     lines.join("\n") + "\n"
 }

@@ -20,8 +20,8 @@ Examples:
 
 Ctrl-C finishes the view in hand; a second one stops at once. Either way, and after a power failure,
 `grainrig resume NAME` goes on. The session is the folder NAME in the data folder: frames/ has the
-camera's own files, products/ has grain.inp (Abaqus), grain.vtu (ParaView), grain.stl and result.json
-(figures; lengths in mm).";
+camera's own files, products/ has grain.inp (Abaqus), grain.vtu (ParaView), grain.stl, result.json
+(figures; lengths in mm), each view's outline over its photograph and a calibration sheet.";
 
 pub(super) const RESUME: &str = "\
 Examples:
@@ -47,9 +47,26 @@ Examples:
     grainrig import photos --step-deg 10 --rotation cw --mm-per-px 0.02 --camera-distance-mm 250
   with a camera matrix for each picture:
     grainrig import dino --pattern 'dino*.png' --cameras dinoSR_par.txt
+  with the scale measured from a ball (see `grainrig calibrate scale --help`):
+    grainrig import photos --calibration scale.json
 
 Pictures are taken in the order of the numbers in their names, at least 2 of one size. They are copied,
 byte for byte; nothing is left of the session where one of them cannot be used.";
+
+pub(super) const CALIBRATE_SCALE: &str = "\
+Examples:
+  five pictures of a 2 mm ball, the table turned by 36° between them, the lens 120 mm away:
+    grainrig calibrate scale balls --pattern 'ball_*.png' --ball-diameter-mm 2 --ball-tolerance-mm 0.001
+        --background empty.png --step-deg 36 --camera-distance-mm 120 --out scale.json
+  then:
+    grainrig import photos --calibration scale.json
+    grainrig capture quartz-07 --calibration scale.json
+
+Set the ball where the grain will stand, in focus, whole in the picture and several hundred pixels wide; leave
+camera, focus and light as they are for the grain. One picture is enough; more, with the table turned between
+them, show the scatter and, with their angles, how far the ball stands before or behind the axis: without them
+that is part of the stated uncertainty. The file states what the uncertainty is made of, each part as one
+standard deviation over the value.";
 
 pub(super) const RECONSTRUCT: &str = "\
 Examples:

@@ -4,13 +4,22 @@ use super::capture::report;
 use super::progress::Progress;
 use super::reconstruct::MeshOptions;
 use super::{Common, usage};
-use crate::daemon::{self, ImportGeometry};
+use crate::daemon::{self, GivenScale, ImportGeometry, ScaleFile};
 use crate::pipeline::{LengthUnit, TurntableSettings};
 use crate::session::check_name;
 use crate::session::import::{ImportRequest, Rotation};
 use anyhow::{Context as _, Result};
 use clap::{Args, ValueEnum};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+/// Every picture of a folder.
+pub(super) const PICTURES: &str = "*.{jpg,jpeg,png,tif,tiff,JPG,JPEG,PNG,TIF,TIFF}";
+
+/// Whether a file name's ending is a picture's.
+pub(super) fn is_picture(ending: &str) -> bool {
+    let list = PICTURES.trim_start_matches("*.{").trim_end_matches('}');
+    list.split(',').any(|e| e.eq_ignore_ascii_case(ending))
+}
 
 /// Options of `import`.
 #[derive(Debug, Args)]
@@ -18,7 +27,7 @@ pub struct Arguments {
     /// Folder of photographs (JPEG, PNG, TIFF), taken in the order of the numbers in their names.
     folder: PathBuf,
     /// Which files are views, as a glob over file names.
-    #[arg(long, value_name = "GLOB", default_value = "*.{jpg,jpeg,png,tif,tiff,JPG,JPEG,PNG,TIF,TIFF}")]
+    #[arg(long, value_name = "GLOB", default_value = PICTURES)]
     pattern: String,
     /// Angle between one view and the next, degrees.
     #[arg(
@@ -44,12 +53,22 @@ pub struct Arguments {
     /// Size of a pixel at the rotation axis, mm; every length and volume hangs on it, so it has no default.
     #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "cameras")]
     mm_per_px: Option<f64>,
+    /// A file of `grainrig calibrate scale`: the size of a pixel with its uncertainty, and the camera's distance
+    /// where it was given there.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["cameras", "mm_per_px"])]
+    calibration: Option<PathBuf>,
     /// Distance from the lens's centre to the axis, mm; leave it out for a telecentric lens.
     #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "cameras")]
     camera_distance_mm: Option<f64>,
     /// Column of the rotation axis, pixels; measured from the silhouettes where it is not given.
     #[arg(long, value_name = "PX", allow_negative_numbers = true, conflicts_with = "cameras")]
     axis_column_px: Option<f64>,
+    /// Turn of the picture (the axis leans left towards the top where positive), degrees; measured where not given.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, conflicts_with = "cameras")]
+    roll_deg: Option<f64>,
+    /// Use the stage's angles as they are and no sideways shift of single views; both are measured and told all the same.
+    #[arg(long, conflicts_with = "cameras")]
+    no_refine: bool,
     /// A camera for each picture: a Middlebury `_par.txt`, or CSV with 12 numbers (3×4 matrix, row by row) a line.
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
@@ -64,6 +83,9 @@ pub struct Arguments {
     /// the pictures after it go on from the one before it.
     #[arg(long, value_name = "INDEX", allow_negative_numbers = true, conflicts_with = "cameras")]
     closing_view: Option<usize>,
+    /// Draw no outlines over the photographs, and no sheet of the calibration.
+    #[arg(long)]
+    no_pictures: bool,
     /// Name of the session, 1 to 64 letters, digits, `.`, `_` or `-`; by default the folder's.
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
@@ -97,21 +119,22 @@ pub(super) fn run(common: &Common, arguments: Arguments) -> Result<()> {
         (Some(_), Unit::Mm) => ImportGeometry::Cameras(LengthUnit::Mm),
         (Some(_), Unit::None) => ImportGeometry::Cameras(LengthUnit::None),
         (None, _) => {
-            let mm_per_px = arguments.mm_per_px.ok_or_else(|| {
-                usage("the scale is missing; give --mm-per-px (the size of a pixel at the axis, mm) or --cameras")
-            })?;
+            let scale = scale(arguments.mm_per_px, arguments.calibration.as_deref())?;
             let table = TurntableSettings {
-                mm_per_px,
-                camera_distance_mm: arguments.camera_distance_mm,
+                mm_per_px: scale.mm_per_px,
+                mm_per_px_sigma: scale.sigma,
+                camera_distance_mm: arguments.camera_distance_mm.or(scale.camera_distance_mm),
                 axis_column_px: arguments.axis_column_px,
-                roll_deg: config.optics.roll_deg,
+                roll_deg: arguments.roll_deg.or(config.optics.roll_deg),
                 // The plan's angles have the sense already.
                 clockwise: false,
+                refine: config.optics.refine && !arguments.no_refine,
             };
             table.check().map_err(usage)?;
-            ImportGeometry::Turntable(table)
+            ImportGeometry::Turntable { table, picture_px: scale.picture_px }
         }
     };
+    config.report.pictures &= !arguments.no_pictures;
     if let Some(asked) = mesh.settings() {
         config.mesh = asked.over(&config.mesh);
     }
@@ -138,4 +161,18 @@ pub(super) fn run(common: &Common, arguments: Arguments) -> Result<()> {
     let outcome = daemon::import(&common.data, &name, &config, &request, geometry, &progress.watcher());
     progress.finish();
     report(common, &outcome?)
+}
+
+/// The size of a pixel, from the one option or the other.
+fn scale(mm_per_px: Option<f64>, calibration: Option<&Path>) -> Result<GivenScale> {
+    match (mm_per_px, calibration) {
+        (_, Some(path)) => Ok(ScaleFile::read(path)?.given()),
+        (Some(mm_per_px), None) => {
+            Ok(GivenScale { mm_per_px, sigma: None, camera_distance_mm: None, picture_px: None })
+        }
+        (None, None) => Err(usage(
+            "the scale is missing; give --calibration (a file of `grainrig calibrate scale`), --mm-per-px (the size of a \
+             pixel at the axis, mm) or --cameras",
+        )),
+    }
 }

@@ -64,7 +64,8 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         }
         let folder = super::session_folder(common, input)?;
         let progress = Progress::new();
-        let outcome = daemon::reconstruct(&folder, arguments.mesh.settings().as_ref(), &progress.watcher());
+        let outcome =
+            daemon::reconstruct(&folder, arguments.mesh.settings().as_ref(), true, &progress.watcher());
         progress.finish();
         let done = outcome?;
         for path in &arguments.out {

@@ -1,5 +1,6 @@
 //! The command line: a file per command; `--help` teaches.
 
+mod calibrate;
 mod capture;
 mod devices;
 mod help;
@@ -13,6 +14,8 @@ mod serve;
 mod signals;
 mod verify;
 
+use crate::acquire::QualityMode;
+use crate::calibrate::ScaleError;
 use crate::config::{Config, ConfigError};
 use crate::daemon::DaemonError;
 use crate::mesh::MeshError;
@@ -30,6 +33,7 @@ use std::process::ExitCode;
 ///   grainrig capture first-grain        25 views, hull, mesh, Abaqus input
 ///   grainrig replay first-grain         the same again from the recording, byte for byte
 ///   grainrig import photos --step-deg 7.2 --mm-per-px 0.0043
+///   grainrig calibrate scale balls --ball-diameter-mm 2 --out scale.json
 ///   grainrig serve                      the monitor on <http://127.0.0.1:7272/>
 #[derive(Debug, Parser)]
 #[command(name = "grainrig", version, verbatim_doc_comment)]
@@ -102,8 +106,31 @@ enum Command {
     /// Check every file of a session against the hashes in its journal.
     #[command(after_help = help::VERIFY)]
     Verify(verify::Arguments),
+    /// Measure what the rig's geometry hangs on.
+    Calibrate(calibrate::Arguments),
     /// Show which devices are there.
     Devices,
+}
+
+/// What becomes of a picture that is no good.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Quality {
+    /// Take it again; where that does not help, suspend the run.
+    Gate,
+    /// Keep it and say so in the result.
+    Label,
+    /// Do not look.
+    Off,
+}
+
+impl From<Quality> for QualityMode {
+    fn from(quality: Quality) -> Self {
+        match quality {
+            Quality::Gate => Self::Gate,
+            Quality::Label => Self::Label,
+            Quality::Off => Self::Off,
+        }
+    }
 }
 
 /// Parses the command line and runs one command; 0 is success, 1 failure, 2 usage.
@@ -120,8 +147,14 @@ pub fn run() -> ExitCode {
         .init();
     signals::survive_file_limit();
     let common = &cli.common;
-    if !matches!(cli.command, Command::Serve(_) | Command::Capture(_) | Command::Import(_) | Command::Devices)
-    {
+    if !matches!(
+        cli.command,
+        Command::Serve(_)
+            | Command::Capture(_)
+            | Command::Import(_)
+            | Command::Calibrate(_)
+            | Command::Devices
+    ) {
         common.without_config();
     }
     let outcome = match cli.command {
@@ -133,6 +166,7 @@ pub fn run() -> ExitCode {
         Command::Reconstruct(a) => reconstruct::run(common, &a),
         Command::Mesh(a) => mesh::run(common, &a),
         Command::Verify(a) => verify::run(common, &a),
+        Command::Calibrate(a) => calibrate::run(common, a),
         Command::Devices => devices::run(common),
     };
     match outcome {
@@ -168,7 +202,16 @@ fn is_usage(error: &anyhow::Error) -> bool {
             || cause.downcast_ref().is_some_and(session_usage)
             || cause.downcast_ref().is_some_and(mesh_usage)
             || match cause.downcast_ref::<DaemonError>() {
-                Some(DaemonError::Config(_) | DaemonError::Pipeline(PipelineError::Setting { .. })) => true,
+                Some(
+                    DaemonError::Config(_)
+                    | DaemonError::Calibration { .. }
+                    | DaemonError::Angles { .. }
+                    | DaemonError::OtherSize { .. }
+                    | DaemonError::Pipeline(PipelineError::Setting { .. }),
+                ) => true,
+                Some(DaemonError::Scale(e)) => {
+                    matches!(e, ScaleError::Length { .. } | ScaleError::TooNear { .. })
+                }
                 Some(DaemonError::Session(e)) => session_usage(e),
                 Some(DaemonError::Pipeline(PipelineError::Mesh(e))) => mesh_usage(e),
                 _ => false,

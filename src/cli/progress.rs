@@ -64,14 +64,15 @@ fn show(bar: &ProgressBar, last_stage: &Mutex<String>, what: &Happening) {
                 .map_or_else(String::new, |s| format!(", about {} s left", s.ceil()));
             line(format!("view {} at {:.2}°: {done} of {all} captured{left}", view.view, view.reached_deg));
         }
-        Happening::Silhouette { view, warnings, .. } => {
+        Happening::Silhouette { view, warnings, .. } | Happening::Judged { view, warnings, .. } => {
             for w in warnings {
-                // An error names its view itself.
-                let named = w.starts_with(&format!("view {view}: "));
-                let text = if named { w.clone() } else { format!("view {view}: {w}") };
-                bar.suspend(|| say(text));
+                bar.suspend(|| say(format!("view {view}: {w}")));
             }
         }
+        Happening::Rejected { view, tries: Some(n), cause } => {
+            bar.suspend(|| say(format!("view {view}: picture {n} is no good: {cause}")));
+        }
+        Happening::Rejected { tries: None, cause, .. } => bar.suspend(|| say(cause)),
         Happening::Hull { views, volume_mm3: Some(v) } if !bar.is_hidden() => {
             bar.set_message(format!("hull of {views} views: {v:.4} mm³"));
         }

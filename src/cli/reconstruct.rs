@@ -43,6 +43,9 @@ pub struct Arguments {
     session: PathBuf,
     #[command(flatten)]
     mesh: MeshOptions,
+    /// Draw no outlines over the photographs, and no sheet of the calibration.
+    #[arg(long)]
+    no_pictures: bool,
 }
 
 /// Options of `replay`.
@@ -55,7 +58,12 @@ pub struct ReplayArguments {
 pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let folder = super::session_folder(common, &arguments.session)?;
     let progress = Progress::new();
-    let outcome = daemon::reconstruct(&folder, arguments.mesh.settings().as_ref(), &progress.watcher());
+    let outcome = daemon::reconstruct(
+        &folder,
+        arguments.mesh.settings().as_ref(),
+        !arguments.no_pictures,
+        &progress.watcher(),
+    );
     progress.finish();
     report(common, &outcome?)
 }

@@ -2,7 +2,7 @@
 
 use super::DaemonError;
 use crate::pipeline::MeshSettings;
-use crate::pipeline::{Reconstruction, ResultFile, products};
+use crate::pipeline::{Reconstruction, ResultFile, SHEET, products};
 use crate::session::event::{Happening, ProductRecord};
 use crate::session::{Recording, Session, sha256_hex};
 use std::collections::BTreeMap;
@@ -33,7 +33,7 @@ pub(super) fn render(
     let mut out: Vec<(String, Vec<u8>)> = Vec::new();
     let mut names = BTreeMap::new();
     for p in products(made, software, session)? {
-        names.insert(p.kind.to_owned(), p.file.clone());
+        names.insert(p.kind, p.file.clone());
         out.push((p.file, p.bytes));
     }
     let result = made.result_file(software, session, names, timing);
@@ -102,7 +102,7 @@ pub(super) fn compare(
     Ok(differs)
 }
 
-/// The whole path of each product, by kind: `inp`, `vtu`, `stl`, `result`.
+/// The whole path of each product, by kind: `inp`, `vtu`, `stl`, `result`, `calibration`, `outline_00` and so on.
 pub(super) fn product_paths<'a>(
     folder: &Path,
     files: impl IntoIterator<Item = &'a ProductRecord>,
@@ -111,10 +111,19 @@ pub(super) fn product_paths<'a>(
     let mut paths = BTreeMap::new();
     for f in files {
         let path = folder.join("products").join(&f.file);
-        let kind = if f.file == RESULT { "result" } else { f.file.rsplit('.').next().unwrap_or("") };
-        paths.insert(kind.to_owned(), path.display().to_string());
+        paths.insert(kind(&f.file), path.display().to_string());
     }
     paths
+}
+
+/// What a product's file is.
+fn kind(file: &str) -> String {
+    let (stem, ending) = file.rsplit_once('.').unwrap_or((file, ""));
+    match (stem, ending) {
+        ("grain", ending) => ending.into(),
+        (SHEET, "png") => format!("{SHEET}_png"),
+        (stem, _) => stem.into(),
+    }
 }
 
 /// The result as a command prints it: whole paths, this run's timing.

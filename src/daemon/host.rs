@@ -94,7 +94,7 @@ impl Host {
         *job = None;
         let config = self.config.with(overrides)?;
         let begun = begin(&self.data, name, &config)?;
-        let control = Control::new();
+        let control = Control::attended();
         let told = Arc::new(AtomicBool::new(false));
         let (hang_up, thread) = channel();
         let run =

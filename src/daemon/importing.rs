@@ -13,7 +13,12 @@ use std::sync::{Arc, Mutex};
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ImportGeometry {
     /// One camera that stands still before a turntable.
-    Turntable(TurntableSettings),
+    Turntable {
+        /// What is known of it.
+        table: TurntableSettings,
+        /// Width and height of the pictures that its scale was measured in, pixels.
+        picture_px: Option<[u32; 2]>,
+    },
     /// A camera for each photograph, from the request's camera file, whose world has this unit.
     Cameras(LengthUnit),
 }
@@ -34,8 +39,11 @@ pub fn import(
     config.check()?;
     let found = scan(request)?;
     let cameras = match geometry {
-        ImportGeometry::Turntable(table) => {
+        ImportGeometry::Turntable { table, picture_px } => {
             table.check()?;
+            if let Some(calibrated) = picture_px.filter(|s| *s != found.size) {
+                return Err(DaemonError::OtherSize { calibrated, pictures: found.size });
+            }
             Cameras::Turntable(table)
         }
         ImportGeometry::Cameras(unit) => {

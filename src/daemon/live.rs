@@ -6,13 +6,16 @@ use super::recorded::{
     WAITING_VIEWS, check_views, computation, conclude, lock, made_before, note, send_recorded,
 };
 use super::{DaemonError, Watcher};
-use crate::acquire::{self, Control, Outcome, SessionSink, SystemClock};
+use crate::acquire::{self, Control, Outcome, QualityMode, SessionSink, SystemClock};
 use crate::config::{Config, ConfigError, ServeSettings};
 use crate::geometry::Angle;
-use crate::pipeline::{Cameras, MeshSettings, View};
+use crate::pipeline::{Cameras, Gate, MeshSettings, View};
+use crate::rig::Frame;
 use crate::rig::simulated::TruthHandle;
+use crate::session::event::{CapturedView, Role};
 use crate::session::replay::replay;
 use crate::session::{Manifest, Origin, Session, State, Store, check_space, required_bytes, write_whole};
+use std::cell::RefCell;
 use std::path::Path;
 use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, Mutex};
@@ -58,6 +61,8 @@ pub(super) struct Begun {
     rig: devices::Rig,
     /// The mesh that was asked for otherwise than the frozen configuration says.
     mesh: Option<MeshSettings>,
+    /// Whether pictures that are no good are taken again.
+    gates: bool,
 }
 
 /// Opens the rig and makes the session.
@@ -77,7 +82,11 @@ pub(super) fn begin(data: &Path, name: &str, config: &Config) -> Result<Begun, D
     // Before the name is taken: a run that has no room leaves nothing behind.
     check_space(data, required_bytes(manifest.plan.views.len(), FRAME_BYTES))?;
     let session = store.create(&manifest)?;
-    Ok(Begun { session, rig, mesh: None })
+    Ok(Begun { session, rig, mesh: None, gates: config.acquire.quality == QualityMode::Gate })
+}
+
+fn view_of(index: usize, role: Role, angle: Angle, bytes: Vec<u8>) -> View {
+    View { index, role, angle, bytes, cut_out: None }
 }
 
 /// What became of a session that was to go on.
@@ -97,11 +106,18 @@ pub enum Resumed {
 }
 
 /// Goes on with an interrupted session: captures the views that its journal lacks, on the rig, and computes.
-/// Where only the computation is missing or has failed no device is needed.
+/// Where only the computation is missing or has failed no device is needed. `quality` says what becomes of missing
+/// views that are no good, where it is not to be what the session's configuration says; what the result says of
+/// views stays as that has it.
 ///
 /// # Errors
 /// [`DaemonError`]; what was captured stays in the session.
-pub fn resume(folder: &Path, control: &Control, watcher: &Watcher) -> Result<Resumed, DaemonError> {
+pub fn resume(
+    folder: &Path,
+    quality: Option<QualityMode>,
+    control: &Control,
+    watcher: &Watcher,
+) -> Result<Resumed, DaemonError> {
     let session = Session::open(folder)?;
     let recording = session.recording();
     let manifest = recording.manifest();
@@ -113,19 +129,21 @@ pub fn resume(folder: &Path, control: &Control, watcher: &Watcher) -> Result<Res
         return Ok(Resumed::NothingToDo { session, views, result });
     }
     let (config, _) = computation(recording)?;
-    let mesh = made_before(recording)?.and_then(|(_, mesh)| mesh);
+    let mesh = made_before(recording)?.and_then(|before| before.mesh);
     if manifest.origin == Origin::Import {
         // No rig can take somebody else's photographs again.
         check_views(recording)?;
     }
-    let rig = if recording.views().len() < manifest.plan.views.len() {
+    let missing = recording.views().len() < manifest.plan.views.len();
+    let rig = if missing {
         session.check_space(FRAME_BYTES)?;
         devices::open(&config)?
     } else {
         let (stage, camera) = replay(recording.clone());
         devices::Rig { stage: Box::new(stage), camera: Box::new(camera), truth: None }
     };
-    Begun { session, rig, mesh }.run(None, control, watcher).map(|done| Resumed::Done(Box::new(done)))
+    let gates = missing && quality.unwrap_or(config.acquire.quality) == QualityMode::Gate;
+    Begun { session, rig, mesh, gates }.run(None, control, watcher).map(|done| Resumed::Done(Box::new(done)))
 }
 
 impl Begun {
@@ -136,7 +154,7 @@ impl Begun {
         control: &Control,
         watcher: &Watcher,
     ) -> Result<Finished, DaemonError> {
-        let Self { mut session, mut rig, mesh } = self;
+        let Self { mut session, mut rig, mesh, gates } = self;
         let watch = Arc::clone(watcher);
         session.observe(move |e| watch(e));
         let recording = session.recording().clone();
@@ -150,13 +168,28 @@ impl Begun {
         let clock = SystemClock::new();
         let outcome = std::thread::scope(|scope| {
             let computing = scope.spawn(|| pipeline.run(receive, &|what| note(&session, what)));
-            let acquired = send_recorded(&recording, &send).and_then(|()| {
+            // Where pictures are judged before they are kept, this thread cuts them out and the pipeline does not.
+            let gate = gates.then(|| RefCell::new(Gate::new(&pipeline)));
+            let through = |view: View| match &gate {
+                Some(gate) => gate.borrow_mut().pass_recorded(view),
+                None => view,
+            };
+            let acquired = send_recorded(&recording, &send, through).and_then(|()| {
                 // A pipeline that has failed takes no more views; the capture goes on all the same.
-                let forward = |view: crate::session::event::CapturedView, frame: crate::rig::Frame| {
-                    let angle = Angle::from_deg(view.reached_deg);
-                    let _ = send.send(View { index: view.view, role: view.role, angle, bytes: frame.bytes });
+                let forward = |view: CapturedView, frame: Frame| {
+                    let view = view_of(view.view, view.role, Angle::from_deg(view.reached_deg), frame.bytes);
+                    let _ = send.send(match &gate {
+                        Some(gate) => gate.borrow_mut().pass(view),
+                        None => view,
+                    });
                 };
                 let mut sink = SessionSink::new(Arc::clone(&session), forward);
+                if let Some(gate) = &gate {
+                    sink = sink.with_gate(|view, reached, frame| {
+                        let view = view_of(view.index, view.role, reached, frame.bytes.clone());
+                        gate.borrow_mut().examine(&view)
+                    });
+                }
                 let ended =
                     acquire::run(&mut *rig.stage, &mut *rig.camera, plan, &mut sink, control, &clock)?;
                 Ok(ended)

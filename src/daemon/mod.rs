@@ -7,6 +7,8 @@ mod importing;
 mod live;
 mod preview;
 mod recorded;
+mod scale_file;
+mod scaling;
 
 pub use devices::{DeviceLine, devices};
 pub use finish::{Finished, RESULT};
@@ -15,8 +17,11 @@ pub use importing::{ImportGeometry, import};
 pub use live::{Resumed, capture, resume};
 pub use preview::{Preview, PreviewPart, Previews};
 pub use recorded::{Replayed, reconstruct, replay};
+pub use scale_file::{BodyKind, GivenScale, PictureScale, ScaleFile};
+pub use scaling::{Angles, ScaleRequest, calibrate_scale};
 
 use crate::acquire::AcquireError;
+use crate::calibrate::ScaleError;
 use crate::config::ConfigError;
 use crate::pipeline::PipelineError;
 use crate::rig::RigError;
@@ -94,6 +99,49 @@ pub enum DaemonError {
         part: &'static str,
         /// What is wrong.
         reason: String,
+    },
+    /// A picture that shows no body of known size.
+    #[error("{file}: {reason}")]
+    Body {
+        /// The picture.
+        file: String,
+        /// What is wrong and what to do.
+        reason: String,
+    },
+    /// No scale from the pictures.
+    #[error(transparent)]
+    Scale(#[from] ScaleError),
+    /// More or fewer angles than pictures.
+    #[error(
+        "{angles} angle(s) are given for {pictures} picture(s); give one for each, in the order of the names"
+    )]
+    Angles {
+        /// Angles given.
+        angles: usize,
+        /// Pictures found.
+        pictures: usize,
+    },
+    /// A file that is no measured scale.
+    #[error(
+        "{} cannot be used as a calibration: {reason}; give a file that `grainrig calibrate scale --out` wrote",
+        path.display()
+    )]
+    Calibration {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A scale from pictures of another size.
+    #[error(
+        "the calibration was made with pictures of {} × {} px, these have {} × {} px: a scale holds for one camera          setting; calibrate with that setting, or give --mm-per-px",
+        calibrated[0], calibrated[1], pictures[0], pictures[1]
+    )]
+    OtherSize {
+        /// Width and height of the calibration's pictures.
+        calibrated: [u32; 2],
+        /// Width and height of the pictures.
+        pictures: [u32; 2],
     },
     /// A background picture that can't be read.
     #[error(

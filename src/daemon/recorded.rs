@@ -2,10 +2,12 @@
 
 use super::finish::{self, Finished};
 use super::{DaemonError, Watcher};
-use crate::acquire::{self, Control, Earlier, FrameSink, Outcome, SystemClock};
+use crate::acquire::{self, Control, Earlier, FrameSink, Outcome, QualityMode, SystemClock};
 use crate::config::Config;
 use crate::geometry::Angle;
-use crate::pipeline::{Cameras, MeshSettings, Photograph, Pipeline, PipelineError, Reconstruction, View};
+use crate::pipeline::{
+    Cameras, MeshSettings, OUTLINE, Photograph, Pipeline, PipelineError, Reconstruction, View,
+};
 use crate::rig::Frame;
 use crate::session::event::{Event, Happening};
 use crate::session::replay::replay as play;
@@ -37,34 +39,47 @@ pub(super) fn computation(recording: &Recording) -> Result<(Config, Pipeline), D
             Some(Photograph::open(&bytes).map_err(reason)?)
         }
     };
-    let pipeline =
-        Pipeline { settings: config.computation(), cameras, background, views: manifest.plan.views.len() };
+    let pipeline = Pipeline {
+        settings: config.computation(),
+        cameras,
+        background,
+        views: manifest.plan.views.len(),
+        judges: config.acquire.quality != QualityMode::Off,
+    };
     Ok((config, pipeline))
 }
 
-/// Sends the views that are recorded already down the pipeline's channel; stops early where nobody takes them.
-pub(super) fn send_recorded(recording: &Recording, send: &SyncSender<View>) -> Result<(), DaemonError> {
+/// Sends the views that are recorded already down the pipeline's channel, each as `through` makes it; stops early where
+/// nobody takes them.
+pub(super) fn send_recorded(
+    recording: &Recording,
+    send: &SyncSender<View>,
+    through: impl Fn(View) -> View,
+) -> Result<(), DaemonError> {
     for captured in recording.views() {
         let view = View {
             index: captured.view,
             role: captured.role,
             angle: Angle::from_deg(captured.reached_deg),
             bytes: recording.frame(captured.view)?.bytes,
+            cut_out: None,
         };
-        if send.send(view).is_err() {
+        if send.send(through(view)).is_err() {
             break;
         }
     }
     Ok(())
 }
 
-/// Computes a session's hull and mesh again and writes the products, with another mesh if wanted.
+/// Computes a session's hull and mesh again and writes the products, with another mesh if wanted, and without pictures
+/// where they are not.
 ///
 /// # Errors
 /// [`DaemonError`]; the session's pictures are only read.
 pub fn reconstruct(
     folder: &Path,
     mesh: Option<&MeshSettings>,
+    pictures: bool,
     watcher: &Watcher,
 ) -> Result<Finished, DaemonError> {
     let mut session = Session::open(folder)?;
@@ -74,6 +89,7 @@ pub fn reconstruct(
     let recording = lock(&session).recording().clone();
     check_views(&recording)?;
     let (_, mut pipeline) = computation(&recording)?;
+    pipeline.settings.report.pictures &= pictures;
     let mesh = mesh.map(|asked| asked.over(&pipeline.settings.mesh));
     if let Some(mesh) = &mesh {
         pipeline.settings.mesh = mesh.clone();
@@ -92,22 +108,31 @@ pub(super) fn check_views(recording: &Recording) -> Result<(), DaemonError> {
     Ok(())
 }
 
-/// Timing and mesh of the newest products, where there are any.
-pub(super) fn made_before(
-    recording: &Recording,
-) -> Result<Option<(serde_json::Value, Option<MeshSettings>)>, DaemonError> {
+/// What is known of the newest products.
+pub(super) struct MadeBefore {
+    /// Their timing.
+    pub timing_s: serde_json::Value,
+    /// The mesh that was asked for otherwise than the frozen configuration says.
+    pub mesh: Option<MeshSettings>,
+    /// Whether drawings are among them.
+    pub pictures: bool,
+}
+
+/// What is known of the newest products, where there are any.
+pub(super) fn made_before(recording: &Recording) -> Result<Option<MadeBefore>, DaemonError> {
     let newest = recording.events().iter().rev().find_map(|e| match &e.what {
-        Happening::Products { timing_s, settings, .. } => Some((timing_s, settings)),
+        Happening::Products { files, timing_s, settings } => Some((files, timing_s, settings)),
         _ => None,
     });
-    let Some((timing_s, settings)) = newest else { return Ok(None) };
+    let Some((files, timing_s, settings)) = newest else { return Ok(None) };
     let frozen = |e: serde_json::Error| DaemonError::Frozen {
         session: recording.manifest().name.clone(),
         part: "mesh settings",
         reason: e.to_string(),
     };
     let mesh = settings.as_ref().map(|s| serde_json::from_value(s.clone()).map_err(frozen)).transpose()?;
-    Ok(Some((timing_s.clone(), mesh)))
+    let pictures = files.iter().any(|f| f.file.starts_with(OUTLINE));
+    Ok(Some(MadeBefore { timing_s: timing_s.clone(), mesh, pictures }))
 }
 
 /// Runs the pipeline over the recorded views, journalling what happens.
@@ -118,7 +143,7 @@ pub(super) fn compute(
 ) -> Result<Reconstruction, DaemonError> {
     let (send, receive) = sync_channel(WAITING_VIEWS);
     std::thread::scope(|scope| {
-        let feeding = scope.spawn(move || send_recorded(recording, &send));
+        let feeding = scope.spawn(move || send_recorded(recording, &send, |view| view));
         let made = pipeline.run(receive, &|what| note(session, what));
         match feeding.join() {
             Ok(fed) => fed?,
@@ -185,8 +210,12 @@ pub fn replay(folder: &Path, watcher: &Watcher) -> Result<Replayed, DaemonError>
     check_views(&recording)?;
     let (_, mut pipeline) = computation(&recording)?;
     let made_before = made_before(&recording)?;
-    if let Some((_, Some(mesh))) = &made_before {
-        pipeline.settings.mesh = mesh.clone();
+    if let Some(before) = &made_before {
+        if let Some(mesh) = &before.mesh {
+            pipeline.settings.mesh = mesh.clone();
+        }
+        // What was not drawn then would only differ.
+        pipeline.settings.report.pictures = before.pictures;
     }
     let session = &recording.manifest().name;
     let (send, receive) = sync_channel(WAITING_VIEWS);
@@ -210,7 +239,7 @@ pub fn replay(folder: &Path, watcher: &Watcher) -> Result<Replayed, DaemonError>
             }
         }
     })?;
-    let Some((timing, _)) = made_before else {
+    let Some(MadeBefore { timing_s, .. }) = made_before else {
         let mut session = Session::open(folder)?;
         let watch = Arc::clone(watcher);
         session.observe(move |e| watch(e));
@@ -218,7 +247,7 @@ pub fn replay(folder: &Path, watcher: &Watcher) -> Result<Replayed, DaemonError>
         return Ok(Replayed { finished, differs: Vec::new() });
     };
     let software = &recording.manifest().software;
-    let files = finish::render(&made, software, session, timing)?;
+    let files = finish::render(&made, software, session, timing_s)?;
     let differs = finish::compare(&recording, files)?;
     let records = recording.products().cloned().collect();
     let finished = finish::finished(&made, software, recording.folder(), session, records);
@@ -269,8 +298,8 @@ impl FrameSink for ReplaySink<'_> {
             self.numbered.tell(Happening::Captured { view: captured.clone(), remaining_s });
         }
         // A pipeline that has failed takes no more; its error is what the replay returns.
-        let _ =
-            self.send.send(View { index: view.index, role: view.role, angle: reached, bytes: frame.bytes });
+        let (index, role, bytes) = (view.index, view.role, frame.bytes);
+        let _ = self.send.send(View { index, role, angle: reached, bytes, cut_out: None });
         Ok(())
     }
 

@@ -26,7 +26,7 @@ fn ball_views(radius: f64, n: usize, distance: Option<f64>) -> Vec<Cone> {
         mm_per_px: 0.005,
         axis_column_px: 160.0,
         origin_row_px: 150.0,
-        principal_row_px: 150.0,
+        elevation_rad: 0.0,
         roll_rad: 0.0,
         camera_distance_mm: distance,
     };

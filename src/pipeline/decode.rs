@@ -66,6 +66,10 @@ impl Source for Photograph {
     fn weighted(&self, columns: &Range<usize>, rows: &Range<usize>, weights: [i16; 3]) -> Vec<i16> {
         self.source().weighted(columns, rows, weights)
     }
+
+    fn part(&self, columns: &Range<usize>, rows: &Range<usize>) -> Vec<u8> {
+        self.source().part(columns, rows)
+    }
 }
 
 /// No camera in view has more than this many bytes of pixels; a header that claims more is a lie.

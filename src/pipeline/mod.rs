@@ -4,20 +4,29 @@
 //! decoded, cut out and carved into a live hull at once. When the last one is in, the axis is measured from
 //! opposite silhouettes, the hull is carved again with the measured cameras, meshed and written.
 
+mod cameras;
 mod decode;
 mod jpeg;
+mod pictures;
 mod products;
+mod quality;
 mod reconstruct;
 mod result;
 mod settings;
+mod stand;
 mod stream;
 
 pub use decode::{Photograph, decode};
 pub use jpeg::Jpeg;
+pub use pictures::{OUTLINE, SHEET};
 pub use products::{Product, products};
+pub use quality::Gate;
 pub use reconstruct::{Reconstruction, Taken};
 pub use result::{AxisResult, HullResult, MeshResult, ResultFile, Timing, ViewResult};
-pub use settings::{Cameras, HullSettings, LengthUnit, MeshSettings, Settings, TurntableSettings};
+pub use settings::{
+    Cameras, HullSettings, LengthUnit, MeshSettings, ReportSettings, Settings, TurntableSettings,
+};
+pub use stand::ContactPatch;
 pub use stream::{Observer, Pipeline, View};
 
 use crate::calibrate::AxisError;
@@ -116,6 +125,14 @@ pub enum PipelineError {
     /// The hull can't be meshed.
     #[error(transparent)]
     Mesh(#[from] MeshError),
+    /// A picture can't be drawn.
+    #[error("{file} cannot be drawn: {reason}; run without pictures (--no-pictures)")]
+    Drawing {
+        /// The product.
+        file: String,
+        /// What the encoder says.
+        reason: String,
+    },
     /// A product can't be written.
     #[error(transparent)]
     Export(#[from] ExportError),

@@ -1,23 +1,25 @@
 //! The products of a session, as bytes.
 
+use super::pictures::sheet_files;
 use super::{PipelineError, Reconstruction};
 use crate::export::{inp, stl, vtu};
+use crate::report::Sheet;
 
 /// One product.
 #[derive(Debug, Clone)]
 pub struct Product {
-    /// What it is: `inp`, `vtu`, `stl`.
-    pub kind: &'static str,
+    /// What it is: `inp`, `vtu`, `stl`, `calibration`, `calibration_png`, `outline_00` and so on.
+    pub kind: String,
     /// Its file name.
     pub file: String,
     /// Its bytes.
     pub bytes: Vec<u8>,
 }
 
-/// The mesh as Abaqus input, `ParaView` grid and STL surface. The same reconstruction gives the same bytes.
+/// The mesh as Abaqus input, `ParaView` grid and STL surface; the drawings, where they were asked for. The same reconstruction gives the same bytes.
 ///
 /// # Errors
-/// [`PipelineError::Export`] where a format can't hold the mesh.
+/// [`PipelineError`] where a format can't hold the mesh or the drawing.
 pub fn products(made: &Reconstruction, software: &str, session: &str) -> Result<Vec<Product>, PipelineError> {
     let mesh = &made.tetrahedra;
     let surface = mesh.surface();
@@ -38,7 +40,13 @@ pub fn products(made: &Reconstruction, software: &str, session: &str) -> Result<
     vtu::write(mesh, &[], &[column], &mut grid)?;
     let mut triangles = Vec::new();
     stl::write(&surface.triangles, &mut triangles)?;
-    Ok([("inp", deck), ("vtu", grid), ("stl", triangles)]
-        .map(|(kind, bytes)| Product { kind, file: format!("grain.{kind}"), bytes })
-        .into())
+    let mut out: Vec<Product> = [("inp", deck), ("vtu", grid), ("stl", triangles)]
+        .map(|(kind, bytes)| Product { kind: kind.into(), file: format!("grain.{kind}"), bytes })
+        .into();
+    if let Some(sheet) = &made.sheet {
+        let title = format!("Calibration of session {session} ({software})");
+        out.extend(sheet_files(&Sheet { title, ..sheet.clone() })?);
+    }
+    out.extend(made.outlines.iter().cloned());
+    Ok(out)
 }

@@ -1,13 +1,16 @@
 //! All views are in: axis, cameras, hull, mesh.
 
+use super::cameras::{Measured, cameras_of};
 use super::result::{AxisResult, HullResult, MeshResult, ResultFile, Timing, ViewResult};
-use super::{Cameras, LengthUnit, Observer, PipelineError, Settings, TurntableSettings};
-use crate::calibrate::{Axis, AxisMethod, Turntable, find_axis};
-use crate::geometry::{Angle, Projection};
+use super::stand::contact_patch;
+use super::{Cameras, LengthUnit, Observer, PipelineError, Product, Settings, TurntableSettings, pictures};
+use crate::calibrate::{Calibration, Turntable};
+use crate::geometry::Angle;
 use crate::hull::{Cone, HullGrid, VisualHull, find_bounds, silhouette_iou};
 use crate::mesh::{Controls, TetMesh, mesh};
+use crate::report::{Sheet, Shot};
 use crate::session::event::{Happening, Role};
-use crate::silhouette::{Found, Silhouette};
+use crate::silhouette::{Found, Silhouette, Stand, Traits, ViewQuality};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
@@ -17,9 +20,6 @@ const MOST_DEFAULT_CELLS: f64 = 400.0;
 
 /// Silhouettes of one rigid body that is seen by the right cameras agree better than this.
 const LEAST_AGREEMENT: f64 = 0.95;
-
-/// Outlines half a turn apart mirror each other to this share of the grain's size; perspective costs the most of it.
-const MIRROR_TOLERANCE: f64 = 0.01;
 
 /// A view that has been cut out.
 #[derive(Debug, Clone)]
@@ -34,6 +34,12 @@ pub struct Taken {
     pub silhouette: Arc<Silhouette>,
     /// How it was found.
     pub found: Found,
+    /// The grain's surroundings, where pictures were asked for.
+    pub shot: Option<Shot>,
+    /// How good it is; absent where nobody wants to know.
+    pub quality: Option<ViewQuality>,
+    /// Its figures, to be compared with other views'.
+    pub traits: Option<Traits>,
     /// What decoding and cutting out took, seconds.
     pub seconds: f64,
 }
@@ -47,6 +53,10 @@ pub struct Reconstruction {
     pub scale_mm_per_px: Option<f64>,
     /// The rotation axis, before a turntable.
     pub axis: Option<AxisResult>,
+    /// The pedestal that all views share, where there is one before a turntable.
+    pub stand: Option<Stand>,
+    /// All that the views say of the rig, before a turntable.
+    pub calibration: Option<Calibration>,
     /// Measures of the hull.
     pub hull: HullResult,
     /// Measures of the mesh.
@@ -55,6 +65,10 @@ pub struct Reconstruction {
     pub tetrahedra: TetMesh,
     /// The controls that the mesh keeps.
     pub controls: Controls,
+    /// Each view's outline over its photograph; empty where no pictures were asked for.
+    pub outlines: Vec<Product>,
+    /// The sheet of the calibration, where pictures were asked for.
+    pub sheet: Option<Sheet>,
     /// Seconds each stage took.
     pub timing_s: Timing,
     /// What a person should know.
@@ -76,6 +90,8 @@ impl Reconstruction {
             views: self.views.len(),
             scale_mm_per_px: self.scale_mm_per_px,
             axis: self.axis,
+            pedestal: self.stand.clone(),
+            calibration: self.calibration.clone(),
             hull: self.hull,
             mesh: self.mesh,
             products,
@@ -95,7 +111,7 @@ pub(super) fn provisional_camera(table: &TurntableSettings, view: &Taken) -> Tur
         mm_per_px: table.mm_per_px,
         axis_column_px: table.axis_column_px.or(pedestal.map(|p| p.centre_column)).unwrap_or(middle),
         origin_row_px: pedestal.map_or((s.origin[1] + s.size[1]) as f64, |p| p.top_row),
-        principal_row_px: 0.5 * (s.picture[1] as f64 - 1.0),
+        elevation_rad: 0.0,
         roll_rad: table.roll_deg.unwrap_or(0.0).to_radians(),
         camera_distance_mm: table.camera_distance_mm,
     }
@@ -106,14 +122,15 @@ pub(super) fn reconstruct(
     settings: &Settings,
     cameras: &Cameras,
     taken: &[Taken],
+    (stand, mut warnings): (Option<Stand>, Vec<String>),
     observer: &Observer,
 ) -> Result<Reconstruction, PipelineError> {
     let working = |stage: &str, done: f64| observer(Happening::Working { stage: stage.into(), done });
-    let mut warnings = Vec::new();
 
     working("calibrate", 0.0);
     let start = Instant::now();
-    let (projections, axis) = cameras_of(cameras, taken, &mut warnings)?;
+    let Measured { projections, axis, calibration } =
+        cameras_of(cameras, taken, stand.as_ref(), &mut warnings)?;
     let calibrate_s = start.elapsed().as_secs_f64();
 
     working("hull", 0.0);
@@ -143,6 +160,8 @@ pub(super) fn reconstruct(
         use rayon::prelude::*;
         cones.par_iter().map(|c| silhouette_iou(c, &triangles)).collect()
     };
+    let patch =
+        stand.as_ref().zip(scale_mm_per_px).map(|(s, mm_per_px)| contact_patch(s, mm_per_px, &triangles));
     drop(triangles);
     let hull_s = start.elapsed().as_secs_f64();
 
@@ -166,6 +185,7 @@ pub(super) fn reconstruct(
             angle_deg: t.angle.deg(),
             iou: *iou,
             silhouette: t.found.report.clone(),
+            quality: t.quality.clone(),
         })
         .collect();
     let worst = views.iter().min_by(|a, b| a.iou.total_cmp(&b.iou));
@@ -182,92 +202,32 @@ pub(super) fn reconstruct(
             tetrahedra.dropped_pieces
         ));
     }
+    let start = Instant::now();
+    let outlines = pictures::outlines(taken, axis.as_ref())?;
+    let sheet =
+        (settings.report.pictures).then(|| pictures::sheet(cameras, taken, &views, axis.as_ref(), &warnings));
+    let report_s = start.elapsed().as_secs_f64();
     let silhouette_s = taken.iter().map(|t| t.seconds).sum::<f64>();
     Ok(Reconstruction {
-        hull: HullResult::new(&measures, &voxels, &ious, metric),
+        hull: HullResult::new(&measures, &voxels, &ious, patch, metric),
         mesh: MeshResult::new(&tetrahedra, &controls, metric),
         views,
         scale_mm_per_px,
         axis,
+        stand,
+        calibration,
         controls,
+        outlines,
+        sheet,
         tetrahedra,
         timing_s: Timing {
             silhouette: silhouette_s,
             calibrate: calibrate_s,
             hull: hull_s,
             mesh: mesh_s,
-            total: silhouette_s + calibrate_s + hull_s + mesh_s,
+            report: report_s,
+            total: silhouette_s + calibrate_s + hull_s + mesh_s + report_s,
         },
         warnings,
     })
-}
-
-/// Each view's camera, and the axis where it was measured.
-fn cameras_of(
-    cameras: &Cameras,
-    taken: &[Taken],
-    warnings: &mut Vec<String>,
-) -> Result<(Vec<Projection>, Option<AxisResult>), PipelineError> {
-    let table = match cameras {
-        Cameras::Given { projections, .. } => {
-            let pick = |t: &Taken| {
-                let missing = PipelineError::NoCamera { view: t.index, cameras: projections.len() };
-                projections.get(t.index).cloned().ok_or(missing)
-            };
-            return Ok((taken.iter().map(pick).collect::<Result<_, _>>()?, None));
-        }
-        Cameras::Turntable(table) => table,
-    };
-    let Some(first) = taken.first() else { return Err(crate::hull::HullError::NoViews.into()) };
-    let turned = |t: &Taken| if table.clockwise { -t.angle } else { t.angle };
-    let mut camera = provisional_camera(table, first);
-    let tops: Vec<f64> = taken.iter().filter_map(|t| t.found.report.pedestal.map(|p| p.top_row)).collect();
-    camera.origin_row_px = if tops.is_empty() {
-        let lows = taken.iter().map(|t| lowest_row(&t.silhouette));
-        warnings.push("no pedestal was found: z = 0 is the lowest row of the silhouettes".into());
-        lows.fold(0.0, f64::max)
-    } else {
-        median(tops)
-    };
-    let axis = match table.axis_column_px {
-        Some(column_px) => Axis {
-            column_px,
-            row_px: camera.origin_row_px,
-            roll_rad: table.roll_deg.unwrap_or(0.0).to_radians(),
-            residual_px: 0.0,
-            method: AxisMethod::Given,
-        },
-        None => find_axis(&taken.iter().map(|t| (turned(t), &*t.silhouette)).collect::<Vec<_>>())?,
-    };
-    let size_px = first.silhouette.size.into_iter().max().unwrap_or(1) as f64;
-    if axis.method == AxisMethod::Mirror && axis.residual_px > MIRROR_TOLERANCE * size_px {
-        warnings.push(format!(
-            "views half a turn apart mirror each other only to {:.1} px, {:.1} px is usual at this size: check whether \
-             the grain has slipped or the motor has lost steps",
-            axis.residual_px,
-            MIRROR_TOLERANCE * size_px
-        ));
-    }
-    camera.roll_rad = table.roll_deg.map_or(axis.roll_rad, f64::to_radians);
-    camera.axis_column_px = axis.column_px + camera.roll_rad.tan() * (camera.origin_row_px - axis.row_px);
-    let result = AxisResult {
-        axis_column_px: camera.axis_column_px,
-        roll_deg: camera.roll_rad.to_degrees(),
-        origin_row_px: camera.origin_row_px,
-        residual_px: axis.residual_px,
-        method: axis.method,
-    };
-    Ok((taken.iter().map(|t| camera.view(turned(t), 0.0)).collect(), Some(result)))
-}
-
-/// The lowest row (greatest index) that the outline reaches.
-fn lowest_row(s: &Silhouette) -> f64 {
-    let extents = s.extents_px();
-    let last = extents.iter().rposition(Option::is_some).unwrap_or(0);
-    (s.origin[1] + last) as f64 + 0.5
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
 }

@@ -1,10 +1,11 @@
 //! What `result.json` says: every figure with its unit in its name.
 
-use crate::calibrate::AxisMethod;
+use super::stand::ContactPatch;
+use crate::calibrate::{AxisMethod, Calibration};
 use crate::geometry::Aabb;
 use crate::hull::{Measures, VoxelCount};
 use crate::mesh::{Controls, Dihedral, TetMesh};
-use crate::silhouette::Report;
+use crate::silhouette::{Report, Stand, ViewQuality};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -21,6 +22,10 @@ pub struct ResultFile {
     pub scale_mm_per_px: Option<f64>,
     /// The rotation axis; `null` where each view has a camera of its own.
     pub axis: Option<AxisResult>,
+    /// The pedestal, from all views together; `null` where too few show one.
+    pub pedestal: Option<Stand>,
+    /// All that the views say of the rig, with uncertainties; `null` where each view has a camera of its own.
+    pub calibration: Option<Calibration>,
     /// The visual hull.
     pub hull: HullResult,
     /// The mesh.
@@ -62,6 +67,8 @@ pub struct ViewResult {
     pub iou: f64,
     /// How the silhouette was found.
     pub silhouette: Report,
+    /// How good the view is, by itself and against the others; `null` where it was not judged.
+    pub quality: Option<ViewQuality>,
 }
 
 /// The visual hull: an upper bound of the grain.
@@ -77,6 +84,8 @@ pub struct HullResult {
     pub surface_area_mm2: Option<f64>,
     /// The tight box, mm.
     pub bounding_box_mm: Option<Aabb>,
+    /// Where the grain stands on the pedestal; `null` without a pedestal before a turntable.
+    pub contact_patch: Option<ContactPatch>,
     /// How well the hull, seen again, fills the silhouettes.
     pub silhouette_iou: Agreement,
 }
@@ -91,7 +100,13 @@ pub struct Agreement {
 }
 
 impl HullResult {
-    pub(super) fn new(m: &Measures, v: &VoxelCount, ious: &[f64], metric: bool) -> Self {
+    pub(super) fn new(
+        m: &Measures,
+        v: &VoxelCount,
+        ious: &[f64],
+        contact_patch: Option<ContactPatch>,
+        metric: bool,
+    ) -> Self {
         let stated = |x: f64| metric.then_some(x);
         Self {
             volume_mm3: stated(m.volume_mm3),
@@ -99,6 +114,7 @@ impl HullResult {
             voxel_mm: stated(v.voxel_mm),
             surface_area_mm2: stated(m.surface_area_mm2),
             bounding_box_mm: m.bounding_box_mm.filter(|_| metric),
+            contact_patch,
             silhouette_iou: Agreement {
                 mean: ious.iter().sum::<f64>() / ious.len().max(1) as f64,
                 min: ious.iter().copied().fold(1.0, f64::min),
@@ -173,6 +189,8 @@ pub struct Timing {
     pub hull: f64,
     /// Meshing.
     pub mesh: f64,
+    /// Drawing the outlines.
+    pub report: f64,
     /// All of these.
     pub total: f64,
 }

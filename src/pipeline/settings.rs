@@ -16,6 +16,22 @@ pub struct Settings {
     pub hull: HullSettings,
     /// The mesh's three controls.
     pub mesh: MeshSettings,
+    /// What is drawn for a person's eye.
+    pub report: ReportSettings,
+}
+
+/// What is drawn for a person's eye.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ReportSettings {
+    /// Whether each view's outline over its photograph, and the sheet of the calibration, are among the products.
+    pub pictures: bool,
+}
+
+impl Default for ReportSettings {
+    fn default() -> Self {
+        Self { pictures: true }
+    }
 }
 
 /// How finely the hull is measured.
@@ -96,6 +112,8 @@ pub enum Cameras {
 pub struct TurntableSettings {
     /// Size of a pixel at the rotation axis, mm.
     pub mm_per_px: f64,
+    /// Its standard uncertainty, mm; absent where nobody knows it.
+    pub mm_per_px_sigma: Option<f64>,
     /// Distance from the centre of projection to the axis, mm; absent for a telecentric lens.
     pub camera_distance_mm: Option<f64>,
     /// Column of the axis, pixels; measured from the silhouettes where absent.
@@ -104,16 +122,20 @@ pub struct TurntableSettings {
     pub roll_deg: Option<f64>,
     /// Whether the grain turns clockwise seen from above when the stage angle grows.
     pub clockwise: bool,
+    /// Whether each view's own offset and angle, as measured from the silhouettes, are used.
+    pub refine: bool,
 }
 
 impl Default for TurntableSettings {
     fn default() -> Self {
         Self {
             mm_per_px: 0.0043,
+            mm_per_px_sigma: None,
             camera_distance_mm: None,
             axis_column_px: None,
             roll_deg: None,
             clockwise: false,
+            refine: true,
         }
     }
 }
@@ -127,6 +149,11 @@ impl TurntableSettings {
         let bad = |name, value, unit, limit| Err(PipelineError::Setting { name, value, unit, limit });
         if !(self.mm_per_px.is_finite() && self.mm_per_px > 0.0) {
             return bad("mm_per_px", self.mm_per_px, "mm per pixel", "a positive number");
+        }
+        if let Some(s) = self.mm_per_px_sigma
+            && !(s.is_finite() && s >= 0.0)
+        {
+            return bad("mm_per_px_sigma", s, "mm per pixel", "0 or a positive number");
         }
         if let Some(d) = self.camera_distance_mm
             && !(d.is_finite() && d > 0.0)

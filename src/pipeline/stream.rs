@@ -1,12 +1,15 @@
 //! Views stream through: decoded and cut out on worker threads, carved into a live hull as they come.
 
+use super::quality::compare;
 use super::reconstruct::{Reconstruction, Taken, provisional_camera, reconstruct};
+use super::stand;
 use super::{Cameras, Photograph, PipelineError, Settings};
 use crate::calibrate::Turntable;
 use crate::geometry::{Aabb, Angle, Point};
 use crate::hull::{Cone, HullGrid};
+use crate::report::Shot;
 use crate::session::event::{Happening, Role};
-use crate::silhouette::{self, Source};
+use crate::silhouette::{self, Source, ViewQuality};
 use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -34,6 +37,8 @@ pub struct View {
     pub angle: Angle,
     /// The picture file's bytes.
     pub bytes: Vec<u8>,
+    /// What a [`Gate`](super::Gate) has worked out about it already.
+    pub cut_out: Option<Box<Taken>>,
 }
 
 /// The computation of one session.
@@ -47,6 +52,8 @@ pub struct Pipeline {
     pub background: Option<Photograph>,
     /// Views in the plan.
     pub views: usize,
+    /// Whether the views' quality is judged.
+    pub judges: bool,
 }
 
 impl Pipeline {
@@ -67,7 +74,11 @@ impl Pipeline {
             return Err(PipelineError::MissingViews { got: taken.len(), expected: self.views });
         }
         taken.sort_by_key(|t| t.index);
-        reconstruct(&self.settings, &self.cameras, &taken, observer)
+        let (stand, warnings) = stand::recut(&self.cameras, &mut taken)?;
+        let told = compare(&self.cameras, &mut taken, observer);
+        let mut made = reconstruct(&self.settings, &self.cameras, &taken, (stand, warnings), observer)?;
+        made.warnings.extend(told);
+        Ok(made)
     }
 
     fn take(&self, views: Receiver<View>, observer: &Observer) -> Result<Vec<Taken>, PipelineError> {
@@ -89,8 +100,7 @@ impl Pipeline {
                 while let Some((view, one)) = early.remove(&taken.len()) {
                     let one = one.inspect_err(|error| {
                         // Said at once: the run goes on, and ends with this error.
-                        let warnings = vec![error.to_string()];
-                        observer(Happening::Silhouette { view, area_px: 0.0, warnings });
+                        observer(Happening::Rejected { view, tries: None, cause: error.to_string() });
                     })?;
                     self.accept(one, &mut taken, &mut live, observer)?;
                 }
@@ -119,10 +129,13 @@ impl Pipeline {
                 expected_height: first[1],
             });
         }
+        let mut warnings = one.found.report.warnings.clone();
+        warnings.extend(one.quality.iter().flat_map(ViewQuality::warnings));
         observer(Happening::Silhouette {
             view: one.index,
             area_px: one.found.report.area_px,
-            warnings: one.found.report.warnings.clone(),
+            verdict: one.quality.as_ref().map(|q| q.verdict),
+            warnings,
         });
         if one.role == Role::Grain {
             live.add(&self.cameras, &one, observer)?;
@@ -135,17 +148,22 @@ impl Pipeline {
     fn work(&self, views: &Mutex<(usize, Receiver<View>)>, send: &SyncSender<Outcome>) {
         loop {
             let mut queue = views.lock().unwrap_or_else(PoisonError::into_inner);
-            let Ok(view) = queue.1.recv() else { return };
+            let Ok(mut view) = queue.1.recv() else { return };
             let place = queue.0;
             queue.0 += 1;
             drop(queue);
-            if send.send((place, view.index, self.cut_out(&view))).is_err() {
+            let taken = match view.cut_out.take() {
+                Some(taken) => Ok(*taken),
+                None => self.cut_out(&view),
+            };
+            if send.send((place, view.index, taken)).is_err() {
                 return;
             }
         }
     }
 
-    fn cut_out(&self, view: &View) -> Result<Taken, PipelineError> {
+    /// Decodes a picture, finds its silhouette and judges it.
+    pub(super) fn cut_out(&self, view: &View) -> Result<Taken, PipelineError> {
         let start = Instant::now();
         let picture = Photograph::open(&view.bytes).map_err(|reason| PipelineError::Decode {
             view: view.index,
@@ -158,16 +176,25 @@ impl Pipeline {
         // Given cameras say what the picture covers; before a turntable the whole grain must be seen.
         if matches!(self.cameras, Cameras::Turntable(_)) {
             let sides = silhouette::Side::ALL.iter().zip(found.report.touches_border);
-            if let Some(side) = sides.filter(|s| s.1).map(|s| s.0.name()).next() {
+            // Whether a pedestal or the grain reaches the lower border is known when all views are in.
+            let sides = sides.filter(|s| s.1 && *s.0 != silhouette::Side::Bottom);
+            if let Some(side) = sides.map(|s| s.0.name()).next() {
                 return Err(PipelineError::CutByBorder { view: view.index, side });
             }
         }
+        let (quality, traits) = self
+            .judges
+            .then(|| silhouette::assess(&picture, &found))
+            .map_or((None, None), |(q, t)| (Some(q), Some(t)));
         Ok(Taken {
             index: view.index,
             role: view.role,
             angle: view.angle,
             silhouette: Arc::new(found.silhouette.clone()),
+            shot: self.settings.report.pictures.then(|| Shot::of(&picture, &found.silhouette)),
             found,
+            quality,
+            traits,
             seconds: start.elapsed().as_secs_f64(),
         })
     }

@@ -37,7 +37,7 @@ pub use download::{Content, Download};
 pub use error::{ErrorBody, ErrorText, Refusal, RefusalKind, ServerError};
 pub use feed::{EventFeed, KEPT_EVENTS, Snapshot, Subscription};
 pub use guard::{MIN_TOKEN_LENGTH, check_bind};
-pub use status::{HullPoint, RunState, Stage, Status, ViewWarning};
+pub use status::{HullPoint, RunState, Stage, Status, ViewVerdict, ViewWarning};
 
 /// How long open requests may take after the end was asked for.
 const GRACE: Duration = Duration::from_secs(5);

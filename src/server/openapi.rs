@@ -6,7 +6,7 @@ use serde::Serialize;
 use utoipa::{OpenApi, ToSchema};
 
 use super::error::{ErrorBody, ErrorText};
-use super::status::{HullPoint, RunState, Stage, Status, ViewWarning};
+use super::status::{HullPoint, RunState, Stage, Status, ViewVerdict, ViewWarning};
 use super::{RunRequest, RunStarted, routes, stream};
 
 #[derive(OpenApi)]
@@ -31,6 +31,7 @@ use super::{RunRequest, RunStarted, routes, stream};
         RunState,
         HullPoint,
         Stage,
+        ViewVerdict,
         ViewWarning,
         RunRequest,
         RunStarted,
@@ -50,8 +51,8 @@ pub(super) struct StreamedEvent {
     /// When, in UTC.
     #[schema(value_type = String, format = DateTime)]
     time: Timestamp,
-    /// The kind: `started`, `homed`, `moving`, `captured`, `paused`, `resumed`, `aborted`,
-    /// `acquisition_complete`, `silhouette`, `hull`, `working`, `products`, `failed` or `complete`.
+    /// The kind: `started`, `homed`, `moving`, `captured`, `rejected`, `suspended`, `paused`, `resumed`, `aborted`,
+    /// `acquisition_complete`, `silhouette`, `judged`, `hull`, `working`, `products`, `failed` or `complete`.
     event: String,
 }
 

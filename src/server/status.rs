@@ -15,6 +15,7 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::session::event::Happening;
+use crate::silhouette::Verdict;
 
 /// More warnings than this help nobody: a run has 26 views.
 const WARNINGS_KEPT: usize = 200;
@@ -62,11 +63,25 @@ pub struct Stage {
     pub done: f64,
 }
 
+/// How good a view is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ViewVerdict {
+    /// Nothing is wrong with it.
+    Good,
+    /// Usable, but a person should look at it.
+    Doubtful,
+    /// It should be, or was, taken again.
+    Bad,
+}
+
 /// Something a person should know of a view.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, ToSchema)]
 pub struct ViewWarning {
     /// Index of the view.
     pub view: usize,
+    /// How good the view, or the picture that was taken again, was; `null` where it was not judged.
+    pub verdict: Option<ViewVerdict>,
     /// The warning.
     pub text: String,
 }
@@ -100,7 +115,7 @@ pub struct Status {
     pub products: Vec<String>,
     /// What `result.json` holds, at the end.
     pub result: Option<serde_json::Value>,
-    /// Why the run failed: value, limit, remedy.
+    /// Why the run failed or is suspended: value, limit, remedy.
     pub error: Option<String>,
 }
 
@@ -131,17 +146,21 @@ impl Status {
                 self.last_frame = Some(view.file.clone());
             }
             Happening::Paused => self.state = RunState::Paused,
-            Happening::Resumed => self.state = RunState::Running,
+            Happening::Resumed => {
+                self.state = RunState::Running;
+                self.error = None;
+            }
             Happening::Aborted => self.end(RunState::Aborted),
             Happening::AcquisitionComplete { .. } => {
                 self.state = RunState::Computing;
                 self.remaining_s = None;
             }
-            Happening::Silhouette { view, warnings, .. } => {
-                let room = WARNINGS_KEPT.saturating_sub(self.warnings.len());
-                let warnings = warnings.iter().take(room);
-                self.warnings.extend(warnings.map(|text| ViewWarning { view: *view, text: text.clone() }));
+            Happening::Silhouette { view, verdict, warnings, .. } => self.warn(*view, *verdict, warnings),
+            Happening::Judged { view, verdict, warnings } => self.warn(*view, Some(*verdict), warnings),
+            Happening::Rejected { view, cause, .. } => {
+                self.warn(*view, Some(Verdict::Bad), std::slice::from_ref(cause));
             }
+            Happening::Suspended { cause, .. } => self.error = Some(cause.clone()),
             Happening::Hull { views, volume_mm3 } => {
                 if self.hull.len() < HULL_POINTS_KEPT {
                     self.hull.push(HullPoint { views: *views, volume_mm3: *volume_mm3 });
@@ -164,6 +183,17 @@ impl Status {
                 self.result = Some(result.clone());
             }
         }
+    }
+
+    fn warn(&mut self, view: usize, verdict: Option<Verdict>, warnings: &[String]) {
+        let room = WARNINGS_KEPT.saturating_sub(self.warnings.len());
+        let verdict = verdict.map(|v| match v {
+            Verdict::Good => ViewVerdict::Good,
+            Verdict::Doubtful => ViewVerdict::Doubtful,
+            Verdict::Bad => ViewVerdict::Bad,
+        });
+        let told = warnings.iter().take(room).map(|text| ViewWarning { view, verdict, text: text.clone() });
+        self.warnings.extend(told);
     }
 
     fn leave_start_for(&mut self, state: RunState) {

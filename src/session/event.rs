@@ -1,5 +1,6 @@
 //! What happens during a run: one numbered event type for terminal, journal and browser alike.
 
+use crate::silhouette::Verdict;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 
@@ -85,6 +86,23 @@ pub enum Happening {
         /// Estimated time to the last view, seconds; `None` before it can be told.
         remaining_s: Option<f64>,
     },
+    /// A picture is no use: it is not kept and taken again, or the computation ends with it.
+    Rejected {
+        /// Index of the view.
+        view: usize,
+        /// Pictures taken of this view so far; absent where it is a picture that was kept.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        tries: Option<u32>,
+        /// Value, unit, limit and remedy.
+        cause: String,
+    },
+    /// No picture of a view was any use: the run waits until somebody has done something about it.
+    Suspended {
+        /// Index of the view.
+        view: usize,
+        /// Value, unit, limit and remedy.
+        cause: String,
+    },
     /// The run waits for `resume`.
     Paused,
     /// The run goes on.
@@ -102,7 +120,19 @@ pub enum Happening {
         view: usize,
         /// Its area, square pixels.
         area_px: f64,
+        /// How good the view is by itself; absent where it was not judged.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        verdict: Option<Verdict>,
         /// What a person should know of it.
+        warnings: Vec<String>,
+    },
+    /// A view does not fit the views beside it.
+    Judged {
+        /// Index of the view.
+        view: usize,
+        /// How good the view is, all in all.
+        verdict: Verdict,
+        /// Value, unit, limit and remedy of each check that is not good.
         warnings: Vec<String>,
     },
     /// The live hull was carved by one more view.

@@ -13,7 +13,7 @@ use crate::rig::{Encoding, Frame};
 use globset::GlobBuilder;
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Which way the grain turned, seen from above.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -99,22 +99,9 @@ pub struct SourceImage {
 /// [`SessionError`] that names the setting or the file, its value, the limit and what to do.
 pub fn scan(request: &ImportRequest) -> Result<Scan, SessionError> {
     check_settings(request)?;
-    let background_path = request.background.as_ref().and_then(|p| p.canonicalize().ok());
-    let mut paths = matching(request)?;
-    paths.retain(|(_, p)| background_path.is_none() || p.canonicalize().ok() != background_path);
+    let paths = matching(&request.folder, &request.pattern, request.background.as_deref())?;
     let plan = plan(request, paths.len())?;
-    let mut size = None;
-    let mut images = Vec::with_capacity(paths.len());
-    for (name, path) in paths {
-        let (image, found) = look_at(name, path, size)?;
-        size = Some(found);
-        images.push(image);
-    }
-    let background = match &request.background {
-        Some(path) => Some(look_at(path.display().to_string(), path.clone(), size)?.0),
-        None => None,
-    };
-    let size = size.unwrap_or_default();
+    let Photographs { images, background, size } = look_at_all(paths, request.background.as_deref())?;
     let cameras = match &request.cameras {
         Some(path) => {
             let text = std::fs::read_to_string(path).map_err(SessionError::io("read", path, 0))?;
@@ -124,6 +111,52 @@ pub fn scan(request: &ImportRequest) -> Result<Scan, SessionError> {
         None => Vec::new(),
     };
     Ok(Scan { images, background, size, plan, cameras })
+}
+
+/// Photographs of a folder that were looked at.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Photographs {
+    /// The photographs, in the order of the numbers in their names; at least one.
+    pub images: Vec<SourceImage>,
+    /// The picture without the grain.
+    pub background: Option<SourceImage>,
+    /// Size of every picture.
+    pub size: Size,
+}
+
+/// Finds and decodes the photographs of a folder whose names match a glob; a background among them is left out.
+///
+/// # Errors
+/// [`SessionError`] where none matches, or one cannot be used.
+pub fn photographs(
+    folder: &Path,
+    pattern: &str,
+    background: Option<&Path>,
+) -> Result<Photographs, SessionError> {
+    let paths = matching(folder, pattern, background)?;
+    if paths.is_empty() {
+        let there = "only the background picture does".to_owned();
+        return Err(SessionError::NoMatch { folder: folder.to_owned(), pattern: pattern.to_owned(), there });
+    }
+    look_at_all(paths, background)
+}
+
+fn look_at_all(
+    paths: Vec<(String, PathBuf)>,
+    background: Option<&Path>,
+) -> Result<Photographs, SessionError> {
+    let mut size = None;
+    let mut images = Vec::with_capacity(paths.len());
+    for (name, path) in paths {
+        let (image, found) = look_at(name, path, size)?;
+        size = Some(found);
+        images.push(image);
+    }
+    let background = match background {
+        Some(path) => Some(look_at(path.display().to_string(), path.to_owned(), size)?.0),
+        None => None,
+    };
+    Ok(Photographs { images, background, size: size.unwrap_or_default() })
 }
 
 impl Scan {
@@ -168,7 +201,10 @@ impl Scan {
 
 impl SourceImage {
     /// The file's bytes, the same that were looked at.
-    fn read(&self) -> Result<Frame, SessionError> {
+    ///
+    /// # Errors
+    /// [`SessionError`] where the file cannot be read any more, or has changed.
+    pub fn read(&self) -> Result<Frame, SessionError> {
         let bytes = std::fs::read(&self.path).map_err(SessionError::io("read", &self.path, 0))?;
         let found = sha256_hex(&bytes);
         if found != self.sha256 {
@@ -195,13 +231,16 @@ fn check_settings(request: &ImportRequest) -> Result<(), SessionError> {
     Ok(())
 }
 
-/// The matching files of a request's folder, sorted naturally by name.
-fn matching(request: &ImportRequest) -> Result<Vec<(String, PathBuf)>, SessionError> {
-    let glob = GlobBuilder::new(&request.pattern)
+/// The files of a folder that match a glob, without the background, sorted naturally by name.
+fn matching(
+    folder: &Path,
+    pattern: &str,
+    background: Option<&Path>,
+) -> Result<Vec<(String, PathBuf)>, SessionError> {
+    let glob = GlobBuilder::new(pattern)
         .build()
         .map_err(|e| setting("pattern", &e, "write it as in `grain_*.png`"))?
         .compile_matcher();
-    let folder = &request.folder;
     let mut names: Vec<String> = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(SessionError::io("list", folder, 0))? {
         let entry = entry.map_err(SessionError::io("list", folder, 0))?;
@@ -219,10 +258,12 @@ fn matching(request: &ImportRequest) -> Result<Vec<(String, PathBuf)>, SessionEr
             0 => "it has no files".to_owned(),
             n => format!("it has {n} files: {}", few(others.iter().map(String::as_str))),
         };
-        let (folder, pattern) = (folder.clone(), request.pattern.clone());
+        let (folder, pattern) = (folder.to_owned(), pattern.to_owned());
         return Err(SessionError::NoMatch { folder, pattern, there });
     }
-    Ok(found.into_iter().map(|n| (n.clone(), folder.join(n))).collect())
+    let background = background.and_then(|p| p.canonicalize().ok());
+    let paths = found.into_iter().map(|n| (n.clone(), folder.join(n)));
+    Ok(paths.filter(|(_, p)| background.is_none() || p.canonicalize().ok() != background).collect())
 }
 
 fn plan(request: &ImportRequest, images: usize) -> Result<Plan, SessionError> {

@@ -105,6 +105,7 @@ impl Session {
             Happening::Moving { .. }
                 | Happening::Working { .. }
                 | Happening::Silhouette { .. }
+                | Happening::Judged { .. }
                 | Happening::Hull { .. }
         );
         let unrecordable = |reason| SessionError::Unrecordable { reason };

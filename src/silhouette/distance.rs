@@ -83,10 +83,10 @@ fn near(padded: &Padded, w: usize, h: usize) -> Vec<f32> {
 }
 
 /// A segment in a cell's own coordinates, 0 … 1.
-type Segment = [[f32; 2]; 2];
+pub(super) type Segment = [[f32; 2]; 2];
 
 /// The outline in one cell, by marching squares; corners in the order (0,0), (1,0), (1,1), (0,1).
-fn segments([a, b, c, d]: [f32; 4]) -> [Option<Segment>; 2] {
+pub(super) fn segments([a, b, c, d]: [f32; 4]) -> [Option<Segment>; 2] {
     let top = crossing(a, b).map(|t| [t, 0.0]);
     let right = crossing(b, c).map(|t| [1.0, t]);
     let bottom = crossing(d, c).map(|t| [t, 1.0]);

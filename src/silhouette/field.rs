@@ -1,5 +1,7 @@
 //! The silhouette as a signed distance: what the hull carves with.
 
+use super::distance;
+
 /// The outline of the grain in one view, as the signed distance (pixels) to it: negative inside, positive
 /// outside. Known on a rectangle of pixels that holds the whole silhouette; everything else is background.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,12 +41,39 @@ impl Silhouette {
         self.distance_px.iter().map(|d| (0.5 - f64::from(*d)).clamp(0.0, 1.0)).sum()
     }
 
+    /// Length of the outline, pixels: how fast its area grows with the distance from it.
+    pub fn length_px(&self) -> f64 {
+        self.distance_px.iter().map(|d| (1.0 - f64::from(d.abs())).max(0.0)).sum()
+    }
+
     /// Whether pixel (column, row) of the whole picture is inside.
     pub fn contains(&self, column: usize, row: usize) -> bool {
         let inside = |k: usize, x: usize| (self.origin[k]..self.origin[k] + self.size[k]).contains(&x);
         inside(0, column)
             && inside(1, row)
             && self.distance_px[(row - self.origin[1]) * self.size[0] + column - self.origin[0]] < 0.0
+    }
+
+    /// The outline as segments between places (column, row), one or two for each four neighbouring pixel centres that
+    /// it passes between; those of one outline join end to end.
+    pub fn segments(&self) -> Vec<[[f64; 2]; 2]> {
+        let [w, h] = self.size;
+        let d = &self.distance_px;
+        let mut out = Vec::new();
+        for y in 0..h.saturating_sub(1) {
+            for x in 0..w.saturating_sub(1) {
+                let k = y * w + x;
+                let corners = [d[k], d[k + 1], d[k + w + 1], d[k + w]];
+                if corners.iter().all(|c| (*c < 0.0) == (d[k] < 0.0)) {
+                    continue;
+                }
+                let place = |[i, j]: [f32; 2]| {
+                    [(self.origin[0] + x) as f64 + f64::from(i), (self.origin[1] + y) as f64 + f64::from(j)]
+                };
+                out.extend(distance::segments(corners).into_iter().flatten().map(|s| s.map(place)));
+            }
+        }
+        out
     }
 
     /// For each row of the rectangle the least and greatest column of the outline (subpixel, in the whole

@@ -6,10 +6,12 @@ use super::outline::Parts;
 use super::pedestal::{self, Pedestal};
 use super::plane::Plane;
 use super::reduced::Reduced;
-use super::report::{PedestalSeen, Report, Side};
+use super::report::{PedestalSeen, Report};
 use super::search::{Scene, search};
-use super::{Classes, Holes, PedestalMode, Polarity, Settings, Silhouette, SilhouetteError, Source};
-use super::{despeckle, distance, holes, outline, pieces};
+use super::{
+    Classes, Histogram, Holes, PedestalMode, Polarity, Settings, Silhouette, SilhouetteError, Source, Uncut,
+};
+use super::{despeckle, distance, holes, outline, pieces, plain, recut, shine};
 
 /// A threshold this many standard deviations above the background is clear of its noise.
 const CLEAR_SIGMAS: f64 = 6.0;
@@ -23,10 +25,13 @@ const CLEAR_OF_BLUR: f64 = 2.5;
 const FAR: f64 = 0.5;
 /// … but no more often than this.
 const MOST_ROUNDS: usize = 6;
-/// A contrast below this many standard deviations of the noise is worth a warning.
-const WEAK_CONTRAST: f64 = 12.0;
+/// What comes this near (pixels) to the pedestal's top stands on it.
+const RESTING: f64 = 6.0;
 /// A separability below this is worth a warning.
 const WEAK_SEPARABILITY: f64 = 0.7;
+
+/// Bins of the histogram that is kept for a person's eye.
+const HISTOGRAM_BINS: usize = 128;
 
 /// A silhouette and how it was got.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,6 +40,12 @@ pub struct Found {
     pub silhouette: Silhouette,
     /// How it was found.
     pub report: Report,
+    /// The outline before the pedestal was cut off, near its top; `None` where none was.
+    pub uncut: Option<Uncut>,
+    /// Grey levels near the grain, away from the background towards it: what the thresholds were read off.
+    pub histogram: Histogram,
+    /// Standard deviation of the outline's blur, pixels: lens, pixel and the mean over 3×3 pixels together.
+    pub blur_px: f64,
 }
 
 /// Finds the grain's outline in a picture.
@@ -86,6 +97,7 @@ pub fn find(
 /// The pixel-accurate state of affairs in the region.
 struct Seen {
     plane: Plane,
+    histogram: Histogram,
     smooth: Vec<i16>,
     noise: f64,
     threshold_two: f64,
@@ -144,14 +156,32 @@ fn look(
     if let Some(pedestal) = &pedestal {
         clear_below(&mut grain, pedestal);
     }
+    if !scene.bright_grain && !scene.channel.is_difference() {
+        let largest = grain.largest();
+        let level = mean_level(&plane, &largest);
+        let limit = (clear * f64::from(super::plane::PER_LEVEL)) as i16;
+        if shine::darken(&mut plane, picture, &largest, &smooth, limit, level as i16) {
+            smooth = pedestal.map_or_else(|| plane.smoothed(), |p| pedestal::smoothed(&plane, &p));
+            occupied.bits = above(&smooth);
+            grain = occupied.clone();
+            if let Some(pedestal) = &pedestal {
+                clear_below(&mut grain, pedestal);
+            }
+        }
+    }
     let apart = grain;
-    let mut grain = apart.largest();
+    // What stands on the pedestal is the grain, however large another thing in the picture is.
+    let mut grain = match &pedestal {
+        Some(p) => apart.largest_that(|x, y| {
+            p.below_top(x, y).is_some_and(|d| d <= 0.0 && -d <= RESTING.max(CLEAR_OF_BLUR * p.blur))
+        }),
+        None => apart.largest(),
+    };
     let area = grain.area();
     if (area as f64) < settings.min_area_px {
         return Err(SilhouetteError::TooSmall { area_px: area as f64, limit_px: settings.min_area_px });
     }
-    let sum: f64 = (plane.values.iter().zip(&grain.bits)).map(|(&v, &b)| f64::from(v) * f64::from(b)).sum();
-    let contrast = sum / area as f64 / f64::from(super::plane::PER_LEVEL);
+    let contrast = mean_level(&plane, &grain) / f64::from(super::plane::PER_LEVEL);
     let gap = holes::Background { noise, contrast };
     let open = match settings.holes {
         Holes::Auto => scene.channel.is_difference(),
@@ -171,6 +201,7 @@ fn look(
     ];
     Ok(Seen {
         plane,
+        histogram: histogram.coarser(HISTOGRAM_BINS),
         smooth,
         noise,
         threshold_two: two.threshold,
@@ -184,6 +215,12 @@ fn look(
         contrast,
         reaches,
     })
+}
+
+/// Mean value of the plane in a mask, in the plane's units.
+fn mean_level(plane: &Plane, mask: &Mask) -> f64 {
+    let sum: f64 = (plane.values.iter().zip(&mask.bits)).map(|(&v, &b)| f64::from(v) * f64::from(b)).sum();
+    sum / mask.area().max(1) as f64
 }
 
 fn clear_below(mask: &mut Mask, pedestal: &Pedestal) {
@@ -224,26 +261,52 @@ fn finish(
     let mut whole = Rect { x0: 0, y0: 0, x1: plane.width, y1: plane.height };
     if let (Some(pedestal), Some(grain)) = (pedestal, grain.bounds()) {
         let [a, b] = [grain.x0, grain.x1].map(|x| pedestal.top_at(x as f64).max(0.0) as usize);
-        let depth = grain.height().max(outline::reach(outline::WIDEST));
+        let depth = grain.height().max(outline::reach(outline::WIDEST)).max(margin(&grain));
         whole.y1 = whole.y1.min(grain.y1.max(a).max(b) + depth);
     }
     let near = body.bounds().map(|b| b.grown(margin(&b) + outline::reach(outline::WIDEST), &whole));
-    let silhouette = (near.and_then(|near| place(seen, &body, &near, &whole)))
+    let placed = (near.and_then(|near| place(seen, &body, &near, &whole)))
         .or_else(|| place(seen, &body, &whole, &whole))
-        .map(|(field, origin)| Silhouette {
-            picture: [picture.shape()[0], picture.shape()[1]],
-            origin,
-            size: [field.width, field.height],
-            distance_px: distance::signed(&field),
-        })
         .ok_or(SilhouetteError::TooSmall { area_px: 0.0, limit_px: settings.min_area_px })?;
-    let report = report(frame, scene, seen, &silhouette);
-    Ok(Found { silhouette, report })
+    let silhouette = Silhouette {
+        picture: [picture.shape()[0], picture.shape()[1]],
+        origin: placed.origin,
+        size: [placed.field.width, placed.field.height],
+        distance_px: distance::signed(&placed.field),
+    };
+    let mut report = report(frame, scene, seen, &silhouette);
+    let above = |x: f64, y: f64| pedestal.is_none_or(|p| p.below_top(x, y).is_none_or(|d| d <= 0.0));
+    let otsu = [seen.threshold_two, seen.thresholds_three[0]];
+    [report.area_otsu_two_px, report.area_otsu_three_px] =
+        otsu.map(|threshold| plain::area_px(plane, &silhouette, threshold, above));
+    let shift = |area: f64| (area - report.area_px) / report.outline_length_px.max(1.0);
+    report.shift_otsu_two_px = shift(report.area_otsu_two_px);
+    report.shift_otsu_three_px = shift(report.area_otsu_three_px);
+    let uncut = report.pedestal.map(|p| uncut(&placed, p.top_row));
+    Ok(Found { silhouette, report, uncut, histogram: seen.histogram.clone(), blur_px: placed.blur_px })
 }
 
-/// Places the outline about a body within a window of the region, of which `whole` matters; the field, and its place in
-/// the picture. `None` where nothing is left of the body, or the window turns out to be too small for it.
-fn place(seen: &Seen, body: &Mask, window: &Rect, whole: &Rect) -> Option<(outline::Field, [usize; 2])> {
+/// The last rows of a silhouette's rectangle, from a little above the pedestal's top on, before the cut.
+fn uncut(placed: &Placed, top_row: f64) -> Uncut {
+    let outline::Field { width, height, values } = &placed.uncut;
+    let above = (top_row.max(0.0) as usize).saturating_sub(placed.origin[1] + recut::ROWS);
+    let first = above.min(*height);
+    Uncut { first, values: values[first * width..].to_vec() }
+}
+
+/// An outline in the rectangle around it.
+struct Placed {
+    field: outline::Field,
+    /// The same before the pedestal was cut off.
+    uncut: outline::Field,
+    /// Column and row of the first pixel in the picture.
+    origin: [usize; 2],
+    /// Standard deviation of the outline's blur, pixels.
+    blur_px: f64,
+}
+
+/// Places the outline about a body within a window of the region, of which `whole` matters. `None` where nothing is left of the body, or the window turns out to be too small for it.
+fn place(seen: &Seen, body: &Mask, window: &Rect, whole: &Rect) -> Option<Placed> {
     let Seen { plane, occupied, pedestal, .. } = seen;
     // Whether so many pixels around a part of the window are in it too, as far as they matter.
     let holds = |part: &Rect, around: usize| {
@@ -260,6 +323,7 @@ fn place(seen: &Seen, body: &Mask, window: &Rect, whole: &Rect) -> Option<(outli
     let mut body = body.part(window);
     let mut band = outline::BAND;
     let mut rounds = 0;
+    let mut blur_px = outline::IN_FOCUS;
     let mut field = loop {
         if !holds(&body.bounds()?, outline::reach(band)) {
             return None;
@@ -273,6 +337,7 @@ fn place(seen: &Seen, body: &Mask, window: &Rect, whole: &Rect) -> Option<(outli
             &Parts {
                 body: &body,
                 band,
+                blur: blur_px,
                 smooth: &smooth,
                 occupied: &occupied,
                 excluded: &excluded,
@@ -283,13 +348,15 @@ fn place(seen: &Seen, body: &Mask, window: &Rect, whole: &Rect) -> Option<(outli
         rounds += 1;
         let placed = field.inside();
         // Out of focus, the levels must be read further away, and half-way may lie beyond the band.
-        let needed = (CLEAR_OF_BLUR * field.blur(placed.edge_length())).ceil() as usize;
+        blur_px = field.blur(placed.edge_length());
+        let needed = (CLEAR_OF_BLUR * blur_px).ceil() as usize;
         let wider = needed.clamp(band, outline::WIDEST);
         if rounds == MOST_ROUNDS || (wider == band && body.mean_shift(&placed) <= FAR * band as f64) {
             break field;
         }
         (band, body) = (wider, placed);
     };
+    let uncut = field.clone();
     if pedestal.is_some() {
         field.cut(below_top);
     }
@@ -301,8 +368,12 @@ fn place(seen: &Seen, body: &Mask, window: &Rect, whole: &Rect) -> Option<(outli
     }
     let part = bounds.grown(around, &Rect { x0: 0, y0: 0, x1: field.width, y1: field.height });
     let origin = [plane.rect.x0 + part.x0, plane.rect.y0 + part.y0];
-    let values = part.part_of(&field.values, field.width);
-    Some((outline::Field { width: part.width(), height: part.height(), values }, origin))
+    let cropped = |field: &outline::Field| outline::Field {
+        width: part.width(),
+        height: part.height(),
+        values: part.part_of(&field.values, field.width),
+    };
+    Some(Placed { field: cropped(&field), uncut: cropped(&uncut), origin, blur_px })
 }
 
 /// Pixels around an outline's extent in which distances are given.
@@ -316,20 +387,6 @@ fn report(frame: &Rect, scene: &Scene, seen: &Seen, silhouette: &Silhouette) -> 
     let at_end = [r.x0 == frame.x0, r.x1 == frame.x1, r.y0 == frame.y0, r.y1 == frame.y1];
     let touches_border = std::array::from_fn(|k| seen.reaches[k] && at_end[k]);
     let mut warnings = Vec::new();
-    for (side, _) in Side::ALL.iter().zip(touches_border).filter(|(_, touches)| *touches) {
-        warnings.push(format!(
-            "the grain reaches the {} end of the picture: what lies beyond is missing; move the camera or the \
-             grain",
-            side.name()
-        ));
-    }
-    if seen.contrast < WEAK_CONTRAST * seen.noise {
-        warnings.push(format!(
-            "the grain stands only {:.1} grey levels off the background, whose noise is {:.1}: more light \
-             would make the outline surer",
-            seen.contrast, seen.noise
-        ));
-    }
     if seen.separability[0].max(seen.separability[1]) < WEAK_SEPARABILITY {
         warnings.push(format!(
             "grain and background overlap: Otsu's separability is {:.2} where {WEAK_SEPARABILITY} is usual; \
@@ -351,6 +408,8 @@ fn report(frame: &Rect, scene: &Scene, seen: &Seen, silhouette: &Silhouette) -> 
             top_slope: p.top[1],
             centre_column: r.x0 as f64 + centre,
             half_width,
+            top_seen: p.top_seen,
+            blur: p.blur,
         }
     });
     Report {
@@ -364,8 +423,14 @@ fn report(frame: &Rect, scene: &Scene, seen: &Seen, silhouette: &Silhouette) -> 
         contrast: seen.contrast,
         noise: seen.noise,
         area_px: silhouette.area_px(),
+        outline_length_px: silhouette.length_px(),
+        area_otsu_two_px: 0.0,
+        area_otsu_three_px: 0.0,
+        shift_otsu_two_px: 0.0,
+        shift_otsu_three_px: 0.0,
         holes_open: seen.holes_open,
         frame: [frame.x0, frame.y0, frame.x1, frame.y1],
+        contact_width_px: pedestal.map(|p| silhouette.width_above(&p)),
         pedestal,
         touches_border,
         warnings,

@@ -53,6 +53,19 @@ impl Histogram {
         self.counts[bin.min(last)] += 1;
     }
 
+    /// The same counts in at most this many bins, each a whole number of the bins here.
+    #[must_use]
+    pub fn coarser(&self, bins: usize) -> Self {
+        let merged = self.counts.len().div_ceil(bins.max(1)).max(1);
+        let counts = self.counts.chunks(merged).map(|c| c.iter().sum()).collect();
+        Self { first: self.first, width: self.width * merged as f64, counts }
+    }
+
+    /// Value at the middle of each bin, and how many were counted in it.
+    pub fn bins(&self) -> impl Iterator<Item = (f64, u64)> + '_ {
+        self.counts.iter().enumerate().map(|(k, n)| (self.middle(k), *n))
+    }
+
     /// How many values were counted.
     pub fn total(&self) -> u64 {
         self.counts.iter().sum()

@@ -10,25 +10,33 @@ use rayon::prelude::*;
 
 /// Pixels on both sides of the mask's edge within which the outline is placed, in a picture that is in focus.
 pub(super) const BAND: usize = 3;
+/// The blur of such a picture after smoothing, pixels.
+pub(super) const IN_FOCUS: f64 = 1.0;
 /// The widest band: a picture that needs more shows no outline.
 pub(super) const WIDEST: usize = 16;
-/// How far from a body, pixels, anything matters to its outline within a band: what is occupied at a distance of the
-/// band keeps a place from being read that is near enough to a pixel of the band.
+/// How far from a body, pixels, anything matters to its outline within a band: where background is read, and what is
+/// occupied within the band's width of that place.
 pub(super) fn reach(band: usize) -> usize {
-    band + near_reach(band) + band
+    deepest(band) + 2 * band
 }
 
-/// How far from a pixel of the band its levels are read: the nearest pixel beyond the band is at most the band's width
-/// and a little more away, on either side.
-fn near_reach(band: usize) -> usize {
-    2 * band + 1
+/// How far from the edge the grain is read.
+fn deepest(band: usize) -> usize {
+    band + DEEPER
 }
 
-/// Pixels of each that are read, the nearest ones: enough against noise, few enough that a lit part does not
-/// set the level of a shaded one beside it.
+/// Grain pixels are read up to this many pixels beyond the band, and background pixels, the nearest ones, up to this
+/// many: enough against noise, few enough that a lit part does not set the level of a shaded one beside it.
+const DEEPER: usize = 5;
 const SAMPLES: u32 = 12;
-/// Least number of pixels an average is believed from.
+/// Least number of pixels an average is believed from, and a change of the level towards the outline.
 const LEAST_SAMPLES: u32 = 6;
+const LEAST_SLOPED: f64 = 16.0;
+/// A level seldom changes towards the outline by more than this share of itself per root of a pixel.
+const STEEP: f64 = 0.06;
+/// Light of a body that ends in a limb reaches an edge blurred by σ from about this many σ inside:
+/// E(√|z|)² of a normal variable, 2^½ Γ(3/4)²/π.
+const FROM_INSIDE: f64 = 0.676;
 /// An island or opening within the band smaller than this, square pixels, is noise.
 const SPECK_PX: usize = 12;
 
@@ -44,6 +52,8 @@ pub(super) struct Field {
 pub(super) struct Parts<'a> {
     /// Pixels on both sides of the body's edge within which the outline is placed.
     pub band: usize,
+    /// Standard deviation of the edge's blur in the smoothed values, pixels.
+    pub blur: f64,
     /// The plane's smoothed values.
     pub smooth: &'a [i16],
     /// The grain together with what it stands on.
@@ -64,19 +74,16 @@ pub(super) fn place(plane: &Plane, parts: &Parts) -> Field {
     let inner = parts.body.eroded(parts.band);
     let outer = parts.body.dilated(parts.band);
     let taken = parts.occupied.dilated(parts.band);
-    let read = readable(plane, parts, &inner, &taken);
-    let near = Near::new(parts.band, w);
-    // Beside a pedestal no grain is near: nothing of it need be sought there.
-    let grain = Mask { bits: read.iter().map(|r| u8::from(r >> GRAIN_SHIFT != 0)).collect(), ..*parts.body };
-    let grain_near = grain.dilated(near.reach);
+    let levels = Levels::read(plane, parts, &inner, &outer, &taken);
     let mut values = vec![0f32; w * h];
     values.par_chunks_mut(w).enumerate().for_each(|(y, out)| {
         for (x, value) in out.iter_mut().enumerate() {
             let k = y * w + x;
+            let body = parts.body.bits[k] != 0;
             *value = if inner.bits[k] == outer.bits[k] {
-                if parts.body.bits[k] != 0 { -1.0 } else { 1.0 }
+                if body { -1.0 } else { 1.0 }
             } else {
-                in_band(plane, parts, &read, (&near, grain_near.bits[k] != 0), [x, y])
+                in_band(plane, parts, &levels, [x, y])
             };
         }
     });
@@ -85,138 +92,149 @@ pub(super) fn place(plane: &Plane, parts: &Parts) -> Field {
     field
 }
 
-/// What is read at each pixel, such that sums of a few can be read off too: the lower half is of the background, the
-/// upper half of the grain; in each the lowest 24 bits are the value, from the least one on, the others count it.
-fn readable(plane: &Plane, parts: &Parts, inner: &Mask, taken: &Mask) -> Vec<u64> {
-    let w = inner.width;
-    let mut read = vec![0u64; inner.bits.len()];
-    read.par_chunks_mut(w).enumerate().for_each(|(y, out)| {
-        let masks = inner.bits[y * w..].iter().zip(&taken.bits[y * w..]);
-        let row = masks.zip(&plane.values[y * w..]).zip(out).enumerate();
-        for (x, (((&inner, &taken), &value), out)) in row {
-            let one = 1 << COUNT_SHIFT | u64::from(value.abs_diff(i16::MIN));
-            if inner == 0 {
-                *out = if taken == 0 { one } else { 0 };
-            } else if !(parts.excluded)(x, y) {
-                *out = one << GRAIN_SHIFT;
+/// The levels on both sides of the outline, at every pixel of the band; each with its weight.
+struct Levels {
+    /// Sum of weighted levels, and of weights.
+    grain: Vec<[f32; 2]>,
+    background: Vec<[f32; 2]>,
+}
+
+/// Places within reach of a pixel, nearest first: columns, rows away from it, and the distance squared.
+fn places(reach: usize) -> Vec<(isize, isize, usize)> {
+    let side = reach as isize;
+    let mut places: Vec<_> = (-side..=side)
+        .flat_map(|dy| (-side..=side).map(move |dx| (dx, dy, (dx * dx + dy * dy) as usize)))
+        .filter(|p| p.2 <= reach * reach)
+        .collect();
+    places.sort_by_key(|p| p.2);
+    places
+}
+
+impl Levels {
+    /// Reads them at the body's outermost pixels and hands them to the band around each.
+    fn read(plane: &Plane, parts: &Parts, inner: &Mask, outer: &Mask, taken: &Mask) -> Self {
+        let (w, h) = (plane.width, plane.height);
+        let edge = edge(parts.body);
+        let reach = deepest(parts.band);
+        let near = places(reach + parts.band);
+        let at = |[x, y]: [usize; 2], &(dx, dy, _): &(isize, isize, usize)| {
+            let (i, j) = (x.checked_add_signed(dx)?, y.checked_add_signed(dy)?);
+            (i < w && j < h).then_some(j * w + i)
+        };
+        // How deep each grain pixel lies below the edge.
+        let mut depth2 = vec![u32::MAX; w * h];
+        let disc = places(reach);
+        for &pixel in &edge {
+            for place in &disc {
+                if let Some(k) = at(pixel, place).filter(|&k| inner.bits[k] != 0) {
+                    depth2[k] = depth2[k].min(place.2 as u32);
+                }
             }
         }
-    });
-    read
-}
-
-/// Where the count of values stands in their sum …
-const COUNT_SHIFT: u32 = 24;
-/// … and the grain's sum beside the background's.
-const GRAIN_SHIFT: u32 = 32;
-
-/// Number and mean (grey levels) of the values in a sum; the mean of none is of no use.
-fn mean(sum: u64) -> (u32, f32) {
-    let count = (sum >> COUNT_SHIFT & 0xff) as u32;
-    let total = (sum & ((1 << COUNT_SHIFT) - 1)) as i64 + i64::from(i16::MIN) * i64::from(count);
-    (count, total as f32 / count as f32 / PER_LEVEL)
-}
-
-/// The places about a pixel, nearest first.
-struct Near {
-    reach: usize,
-    /// Columns and rows away.
-    places: Vec<[isize; 2]>,
-    /// The same in a row-major picture.
-    away: Vec<isize>,
-    /// Where the places of each distance end.
-    rings: Vec<usize>,
-}
-
-impl Near {
-    /// In a picture of this width.
-    fn new(band: usize, width: usize) -> Self {
-        let reach = near_reach(band);
-        let side = reach as isize;
-        let mut by_distance = std::collections::BTreeMap::<isize, Vec<[isize; 2]>>::new();
-        for dy in -side..=side {
-            for dx in -side..=side {
-                by_distance.entry(dx * dx + dy * dy).or_default().push([dx, dy]);
+        let root = |k: usize| (f64::from(depth2[k]).sqrt() + 0.5).sqrt();
+        let read: Vec<[Option<f32>; 2]> = (edge.par_iter())
+            .map(|&pixel| {
+                let mut grain = Limb::default();
+                let (mut sum, mut n) = (0_i64, 0_u32);
+                for place in &near {
+                    let deep = place.2 <= reach * reach;
+                    if !deep && n >= SAMPLES {
+                        break;
+                    }
+                    let Some(k) = at(pixel, place) else { continue };
+                    if inner.bits[k] != 0 {
+                        if deep && !(parts.excluded)(k % w, k / w) {
+                            grain.add(root(k), f64::from(level(plane.values[k])));
+                        }
+                    } else if n < SAMPLES && taken.bits[k] == 0 {
+                        sum += i64::from(plane.values[k]);
+                        n += 1;
+                    }
+                }
+                let background = (n >= LEAST_SAMPLES).then(|| sum as f32 / n as f32 / PER_LEVEL);
+                [grain.level((FROM_INSIDE * parts.blur).sqrt()).map(|v| v as f32), background]
+            })
+            .collect();
+        let mut out = Self { grain: vec![[0.0; 2]; w * h], background: vec![[0.0; 2]; w * h] };
+        let around = places(parts.band + 2);
+        for (&pixel, [grain, background]) in edge.iter().zip(&read) {
+            for place in &around {
+                let Some(k) = at(pixel, place).filter(|&k| inner.bits[k] != outer.bits[k]) else { continue };
+                let weight = 1.0 / (0.5 + place.2 as f32);
+                for (sums, level) in [(&mut out.grain, grain), (&mut out.background, background)] {
+                    if let Some(level) = level {
+                        sums[k][0] += weight * level;
+                        sums[k][1] += weight;
+                    }
+                }
             }
         }
-        let (mut places, mut rings) = (Vec::new(), Vec::new());
-        for ring in by_distance.into_values() {
-            places.extend(ring);
-            rings.push(places.len());
-        }
-        let away = places.iter().map(|[dx, dy]| dy * width as isize + dx).collect();
-        Self { reach, places, away, rings }
+        out
     }
 }
 
-/// Rings taken together while nothing is decided within them: no more than 200 places, which the counts can hold.
-const RINGS: usize = 6;
-
-/// The sum of what is read about a pixel, ring by ring, until there is enough of it; `at` tells what is read at a place
-/// by its number.
-#[inline]
-fn gather(near: &Near, grain_near: bool, at: impl Fn(usize) -> u64) -> u64 {
-    let background = u64::from(u32::MAX);
-    let grain = if grain_near { background << GRAIN_SHIFT } else { 0 };
-    let (mut sum, mut sought, mut start) = (0u64, background | grain, 0);
-    for rings in near.rings.chunks(RINGS) {
-        let end = rings[rings.len() - 1];
-        let all = (start..end).fold(sum, |sum, place| sum + (at(place) & sought));
-        if still(all, background, grain) == sought {
-            (sum, start) = (all, end);
-            continue;
-        }
-        for &end in rings {
-            sum = (start..end).fold(sum, |sum, place| sum + (at(place) & sought));
-            start = end;
-            // The nearest ones are enough: further along the outline the grain may be lit otherwise.
-            sought = still(sum, background, grain);
-            if sought == 0 {
-                return sum;
-            }
-        }
-    }
-    sum
-}
-
-/// The halves of a sum that lack values.
-#[inline]
-fn still(sum: u64, background: u64, grain: u64) -> u64 {
-    let lacks = |half: u64| half >> COUNT_SHIFT & 0xff < SAMPLES.into();
-    (if lacks(sum) { background } else { 0 }) | (if lacks(sum >> GRAIN_SHIFT) { grain } else { 0 })
-}
-
-fn in_band(
-    plane: &Plane,
-    parts: &Parts,
-    read: &[u64],
-    (near, grain_near): (&Near, bool),
-    [x, y]: [usize; 2],
-) -> f32 {
-    let (w, h) = (plane.width, plane.height);
-    let k = y * w + x;
-    let clear = |at: usize, size: usize| (near.reach..size.saturating_sub(near.reach)).contains(&at);
-    let sum = if clear(x, w) && clear(y, h) {
-        gather(near, grain_near, |place| read[k.wrapping_add_signed(near.away[place])])
-    } else {
-        gather(near, grain_near, |place| {
-            let [dx, dy] = near.places[place];
-            match (x.checked_add_signed(dx), y.checked_add_signed(dy)) {
-                (Some(i), Some(j)) if i < w && j < h => read[j * w + i],
-                _ => 0,
-            }
-        })
+/// The body's pixels that have a neighbour outside it.
+fn edge(body: &Mask) -> Vec<[usize; 2]> {
+    let (w, h) = (body.width, body.height);
+    let open = |x: usize, y: usize| {
+        (x > 0 && !body.get(x - 1, y))
+            || (x + 1 < w && !body.get(x + 1, y))
+            || (y > 0 && !body.get(x, y - 1))
+            || (y + 1 < h && !body.get(x, y + 1))
     };
-    let (n_outside, outside) = mean(sum);
-    let (n_inside, inside) = mean(sum >> GRAIN_SHIFT);
+    (0..w * h).filter(|&k| body.bits[k] != 0 && open(k % w, k / w)).map(|k| [k % w, k / w]).collect()
+}
+
+/// A straight line through the grain's level over the root of the depth below its outline.
+///
+/// Near the limb of a smooth body the part of its normal that faces the camera, and with it the brightness in any
+/// light, changes with the root of the distance from the outline: the level that the edge itself has is not that of
+/// the pixels a few pixels inside.
+#[derive(Default)]
+struct Limb {
+    n: f64,
+    x: f64,
+    y: f64,
+    xx: f64,
+    xy: f64,
+    yy: f64,
+}
+
+impl Limb {
+    fn add(&mut self, root: f64, level: f64) {
+        self.n += 1.0;
+        self.x += root;
+        self.y += level;
+        self.xx += root * root;
+        self.xy += root * level;
+        self.yy += level * level;
+    }
+
+    /// The level at a root of the depth; `None` where too little of the grain is seen. The line's slope is drawn
+    /// towards 0 as far as what lies about the line makes it unsure.
+    fn level(&self, root: f64) -> Option<f64> {
+        if self.n < f64::from(LEAST_SAMPLES) {
+            return None;
+        }
+        let (mx, my) = (self.x / self.n, self.y / self.n);
+        let (xx, xy, yy) =
+            (self.xx - self.n * mx * mx, self.xy - self.n * mx * my, self.yy - self.n * my * my);
+        if self.n < LEAST_SLOPED || xx <= 0.0 {
+            return Some(my);
+        }
+        let rest = ((yy - xy * xy / xx) / (self.n - 2.0)).max(0.0);
+        let slope = xy / (xx + rest / (STEEP * my).powi(2).max(1e-6));
+        Some(my + slope * (root - mx))
+    }
+}
+
+fn in_band(plane: &Plane, parts: &Parts, levels: &Levels, [x, y]: [usize; 2]) -> f32 {
+    let k = y * plane.width + x;
     let value = level(parts.smooth[k]);
-    let background = if n_outside >= LEAST_SAMPLES { outside } else { 0.0 };
-    let grain = if n_inside >= LEAST_SAMPLES {
-        inside
-    } else {
-        // A part thinner than its blur: its brightest ridge stands for it.
-        ridge(plane, parts.smooth, x, y)
-    };
+    let mean = |[sum, weight]: [f32; 2]| (weight > 0.0).then(|| sum / weight);
+    let background = mean(levels.background[k]).unwrap_or(0.0);
+    // A part thinner than its blur: its brightest ridge stands for it.
+    let grain = mean(levels.grain[k]).unwrap_or_else(|| ridge(plane, parts.smooth, x, y));
     let threshold = parts.threshold as f32;
     let contrast = grain - background;
     if contrast < 0.5 * threshold {

@@ -26,6 +26,19 @@ pub struct Report {
     pub noise: f64,
     /// Area inside the outline, square pixels.
     pub area_px: f64,
+    /// Length of the outline, pixels.
+    pub outline_length_px: f64,
+    /// Area that Otsu's threshold for two classes alone gives the same object, cut at the same pedestal: its pixels,
+    /// counted.
+    pub area_otsu_two_px: f64,
+    /// The same with the lower of the two thresholds for three classes (background, grain, pedestal), as the method
+    /// was published.
+    pub area_otsu_three_px: f64,
+    /// How far outside the outline the mask of `area_otsu_two_px` ends in the mean, pixels: the difference of the
+    /// areas over the outline's length. Pixels inside that are as bright as the background count against it.
+    pub shift_otsu_two_px: f64,
+    /// The same for `area_otsu_three_px`.
+    pub shift_otsu_three_px: f64,
     /// Openings left inside the outline.
     pub holes_open: usize,
     /// Columns and rows of the picture that hold a picture: `[first column, first row, end column, end row]`;
@@ -33,6 +46,8 @@ pub struct Report {
     pub frame: [usize; 4],
     /// The pedestal, where one was cut off.
     pub pedestal: Option<PedestalSeen>,
+    /// Width of the outline one pixel above the pedestal's top, where the grain stands on it, pixels.
+    pub contact_width_px: Option<f64>,
     /// Whether the grain reaches the left, right, top, bottom end of the picture: then part of it is not
     /// seen, and what lies outside counts as background.
     pub touches_border: [bool; 4],
@@ -51,6 +66,10 @@ pub struct PedestalSeen {
     pub centre_column: f64,
     /// Half its width, pixels.
     pub half_width: f64,
+    /// Whether the view itself shows the top; else it is taken where the sides end, or from other views.
+    pub top_seen: bool,
+    /// Standard deviation of the blur of its sides, pixels: above its top its light mixes with the grain's as far.
+    pub blur: f64,
 }
 
 /// A side of the picture, in the order of [`Report::touches_border`].

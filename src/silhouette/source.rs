@@ -43,6 +43,9 @@ pub trait Source: Sync {
     /// For each pixel of some columns and rows the sum of its colours (of its grey value thrice) with these
     /// weights, sixteenths that come to no more than one: `[row, column]`, row-major.
     fn weighted(&self, columns: &Range<usize>, rows: &Range<usize>, weights: [i16; 3]) -> Vec<i16>;
+
+    /// The pixels of some columns and rows: `[row, column, channel]`, row-major.
+    fn part(&self, columns: &Range<usize>, rows: &Range<usize>) -> Vec<u8>;
 }
 
 /// The longer side of the small copy, cells, at most.
@@ -117,6 +120,12 @@ impl Source for Picture {
                 }
             }
         });
+        out
+    }
+
+    fn part(&self, columns: &Range<usize>, rows: &Range<usize>) -> Vec<u8> {
+        let mut out = Vec::with_capacity(columns.len() * rows.len() * self.channels());
+        rows.clone().for_each(|y| out.extend_from_slice(self.row(y, columns.start, columns.end)));
         out
     }
 }

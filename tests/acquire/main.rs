@@ -159,6 +159,39 @@ fn a_view_of_which_every_picture_is_bad_ends_the_run_with_the_last_ones_fault() 
 }
 
 #[test]
+fn a_picture_that_is_no_good_is_taken_again_and_each_time_journalled() {
+    let runs = Runs::new();
+    // The second view's first picture does not decode, its next one is no good.
+    let pictures = vec![None, Some(Vec::new())];
+    let script = Script { pictures, unfit: vec![1], ..Script::default() };
+    assert_eq!(runs.run(script, &Control::new()).unwrap(), Outcome::Complete { captured: VIEWS });
+    let events = runs.events();
+    assert_eq!(events[4..9], ["moving 1", "rejected 1", "rejected 1", "captured 1", "moving 2"]);
+    assert_eq!(runs.durable(), all());
+}
+
+#[test]
+fn the_size_of_a_picture_that_is_no_good_binds_no_other() {
+    let runs = Runs::new();
+    let pictures = vec![Some(picture(32, 8))];
+    let script = Script { pictures, unfit: vec![0], ..Script::default() };
+    assert_eq!(runs.run(script, &Control::new()).unwrap(), Outcome::Complete { captured: VIEWS });
+}
+
+#[test]
+fn a_run_that_nobody_attends_ends_where_no_picture_of_a_view_is_good() {
+    let runs = Runs::new();
+    let script = Script { unfit: vec![1, 2, 3], ..Script::default() };
+    let error = runs.run(script, &Control::new()).unwrap_err();
+    let AcquireError::Unfit { view: 1, tries: 3, cause } = &error else { panic!("{error}") };
+    assert_eq!(cause, "focus is 9 px");
+    assert!(error.to_string().contains("grainrig resume"), "{error}");
+    assert_eq!((runs.durable(), runs.recording().state()), (vec![0], State::Failed));
+    assert_eq!(runs.run_well(), Outcome::Complete { captured: VIEWS - 1 });
+    assert_eq!(runs.durable(), all());
+}
+
+#[test]
 fn a_resumed_run_takes_no_picture_of_another_size_than_the_earlier_ones() {
     let runs = Runs::new();
     failed_at(&runs, Step::Move(1));

@@ -36,13 +36,21 @@ pub struct Script {
     pub at: Box<dyn Fn(Step) + Send + Sync>,
     /// The bytes of each exposure; a good picture where there are none.
     pub pictures: Vec<Option<Vec<u8>>>,
+    /// Pictures, counted from 0 in the order in which they are looked at, that are no good.
+    pub unfit: Vec<usize>,
     /// What the stage answers to a target, degrees.
     pub reached: fn(f64) -> f64,
 }
 
 impl Default for Script {
     fn default() -> Self {
-        Self { fails_at: None, at: Box::new(|_| {}), pictures: Vec::new(), reached: |deg| deg }
+        Self {
+            fails_at: None,
+            at: Box::new(|_| {}),
+            pictures: Vec::new(),
+            unfit: Vec::new(),
+            reached: |deg| deg,
+        }
     }
 }
 
@@ -121,16 +129,19 @@ impl Clock for FakeClock {
 }
 
 /// A sink into a session whose disk fails when it is told to.
-struct FailingSink<F> {
-    inner: SessionSink<F>,
+struct FailingSink<'a, F> {
+    inner: SessionSink<'a, F>,
     script: Arc<Script>,
     stored: usize,
     events: usize,
 }
 
-impl<F: FnMut(CapturedView, Frame)> FrameSink for FailingSink<F> {
+impl<F: FnMut(CapturedView, Frame)> FrameSink for FailingSink<'_, F> {
     fn begin(&mut self) -> Result<Earlier, SessionError> {
         if self.script.fails(Step::Begin) { Err(disk()) } else { self.inner.begin() }
+    }
+    fn examine(&mut self, view: &PlannedView, reached: Angle, frame: &Frame) -> Result<(), String> {
+        self.inner.examine(view, reached, frame)
     }
     fn store(
         &mut self,
@@ -183,7 +194,12 @@ impl Runs {
         let plan = session.recording().manifest().plan.clone();
         let passed_on = Arc::clone(&self.passed_on);
         let forward = move |view: CapturedView, _| passed_on.lock().unwrap().push(view.view);
-        let inner = SessionSink::new(Arc::new(Mutex::new(session)), forward);
+        let (examined, looking) = (Mutex::new(0), Arc::clone(&script));
+        let inner = SessionSink::new(Arc::new(Mutex::new(session)), forward).with_gate(move |_, _, _| {
+            let mut examined = examined.lock().unwrap();
+            *examined += 1;
+            if looking.unfit.contains(&(*examined - 1)) { Err("focus is 9 px".into()) } else { Ok(()) }
+        });
         let mut sink = FailingSink { inner, script: Arc::clone(&script), stored: 0, events: 0 };
         let clock =
             FakeClock { script: Arc::clone(&script), now: Arc::clone(&self.now), waits: Mutex::new(0) };

@@ -144,3 +144,28 @@ fn the_time_left_is_told_from_the_views_so_far_without_the_pauses() {
     let told: Vec<f64> = runs.recording().events().iter().filter_map(|e| left(&e.what)).collect();
     assert_eq!(told, [3.0, 2.0, 1.0, 0.0]);
 }
+
+#[test]
+fn a_suspended_run_goes_on_with_its_view_and_all_its_tries_or_is_aborted() {
+    let unfit = || Script { unfit: vec![1, 2, 3, 4, 5], ..Script::default() };
+    let runs = Runs::new();
+    let control = Control::attended();
+    let seen = Mutex::new(Vec::new());
+    let ended = when_paused(&runs, unfit(), &control, || {
+        *seen.lock().unwrap() = runs.events();
+        control.resume();
+    });
+    assert_eq!(ended, Outcome::Complete { captured: VIEWS });
+    let seen = seen.into_inner().unwrap();
+    assert_eq!(seen[seen.len() - 5..], ["rejected 1", "rejected 1", "rejected 1", "suspended 1", "paused"]);
+    // Two more are no good after the suspension: the third is kept.
+    let after = runs.events()[seen.len()..].to_vec();
+    assert_eq!(after[..4], ["resumed", "rejected 1", "rejected 1", "captured 1"]);
+    assert_eq!(runs.durable().len(), VIEWS);
+
+    let runs = Runs::new();
+    let control = Control::attended();
+    let ended = when_paused(&runs, unfit(), &control, || control.abort());
+    assert_eq!(ended, Outcome::Aborted { captured: 1 });
+    assert_eq!(runs.run_well(), Outcome::Complete { captured: VIEWS - 1 });
+}

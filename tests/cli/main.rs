@@ -6,6 +6,7 @@ mod disk;
 mod kit;
 mod names;
 mod pictures;
+mod quality;
 mod sessions;
 mod settings;
 mod streams;

@@ -173,7 +173,11 @@ fn a_run_that_fails_says_why_and_the_next_one_works() {
             "view 1",
         ),
         // No grain is in view: a warning at each, and the run's error at its end.
-        ("empty", json!({ "silhouette": { "min_area_px": 250_000.0 } }), "250000"),
+        (
+            "empty",
+            json!({ "silhouette": { "min_area_px": 250_000.0 }, "acquire": { "quality": "label" } }),
+            "250000",
+        ),
         ("coarse", json!({ "hull": { "voxel_mm": 1e-9 } }), "voxel"),
         ("fine", json!({ "mesh": { "tet_volume_mm3": 1e-15 } }), "tetrahedra"),
     ];
@@ -191,6 +195,35 @@ fn a_run_that_fails_says_why_and_the_next_one_works() {
     stream.until("complete");
     let (_, status) = daemon.get("/status");
     assert_eq!((&status["state"], &status["error"]), (&json!("complete"), &json!(null)));
+}
+
+#[test]
+fn a_run_whose_pictures_stay_no_good_waits_with_the_cause_until_it_is_resumed() {
+    let lab = Lab::new(SMALL);
+    let daemon = lab.serve();
+    let mut stream = daemon.events(None);
+    // Three tries a view: the second view's, and all of them again.
+    let faults = json!({ "blurred_frame_at": 1, "frame_faults_stay": true });
+    let overrides = json!({ "plan": { "retakes": 2 }, "simulated": { "faults": faults } });
+    assert_eq!(daemon.start("soft", overrides).0, 201);
+    for _ in 0..2 {
+        let events = stream.until("paused");
+        let of = |kind: &str| events.iter().filter(|e| e.data["event"] == kind).collect::<Vec<_>>();
+        assert_eq!((of("rejected").len(), of("suspended").len()), (3, 1));
+        let (_, status) = daemon.get("/status");
+        assert_eq!(status["state"], "paused");
+        let cause = status["error"].as_str().unwrap();
+        assert!(cause.contains("focus ") && cause.contains("the limit is "), "{cause}");
+        let last = status["warnings"].as_array().unwrap().last().unwrap();
+        assert_eq!((&last["view"], &last["verdict"]), (&json!(1), &json!("bad")), "{last}");
+        assert_eq!(daemon.post("/runs/current/resume", None).0, 204);
+        stream.until("resumed");
+        assert_eq!(daemon.get("/status").1["session"], "soft");
+    }
+    stream.until("paused");
+    assert_eq!(daemon.post("/runs/current/abort", None).0, 204);
+    stream.until("aborted");
+    assert_eq!(daemon.get("/sessions/soft").1["frames"].as_array().unwrap().len(), 1);
 }
 
 #[test]

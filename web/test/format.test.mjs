@@ -3,7 +3,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 
 import { ticks } from "../chart.js";
-import { duration, headlines, leaves, nextName, number } from "../format.js";
+import { duration, headlines, leaves, line, nextName, number } from "../format.js";
 
 test("numbers are read at a glance", () => {
   assert.equal(number(0.523598), "0.5236");
@@ -44,6 +44,15 @@ test("the next run's name is at hand", () => {
     "quartz-2", "grain-08", "grain-10", "a-b-100", "grain-20261122-0914",
   ]);
   assert.equal(nextName("x".repeat(64)), "x".repeat(64));
+});
+
+test("what was wrong with a picture is told in the log", () => {
+  const event = (/** @type {Record<string, unknown>} */ what) => line(/** @type {any} */ ({ seq: 1, time: "", view: 3, ...what }));
+  const cause = "focus is 9 px, the limit is 5 px";
+  assert.equal(event({ event: "rejected", tries: 2, cause }), `View 4, picture 2 is no good: ${cause}`);
+  assert.equal(event({ event: "rejected", cause }), `View 4 is no good: ${cause}`);
+  assert.equal(event({ event: "suspended", cause }), `Suspended at view 4: ${cause}`);
+  assert.equal(event({ event: "judged", verdict: "bad", warnings: ["a", "b"] }), "View 4 does not fit its neighbours: a; b");
 });
 
 test("ticks are round and hold the data", () => {

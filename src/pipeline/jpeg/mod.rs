@@ -103,13 +103,7 @@ impl Source for Jpeg {
 
     fn pixels(&self) -> Result<Cow<'_, Picture>, SilhouetteError> {
         let [width, height, channels] = self.shape();
-        let (columns, rows) = (0..width, 0..height);
-        let mut data = vec![0u8; width * height * channels];
-        planes::rows(&self.region(&columns, &rows), [&columns, &rows], &mut data, |levels, out| {
-            for (k, pixel) in out.chunks_exact_mut(channels).enumerate() {
-                pixel.iter_mut().zip(levels).for_each(|(p, level)| *p = level[k] as u8);
-            }
-        });
+        let data = self.part(&(0..width), &(0..height));
         Picture::new(width, height, channels, data).map(Cow::Owned)
     }
 
@@ -161,6 +155,17 @@ impl Source for Jpeg {
             }
         });
         out
+    }
+
+    fn part(&self, columns: &Range<usize>, rows: &Range<usize>) -> Vec<u8> {
+        let channels = self.header.components.len();
+        let mut data = vec![0u8; columns.len() * rows.len() * channels];
+        planes::rows(&self.region(columns, rows), [columns, rows], &mut data, |levels, out| {
+            for (k, pixel) in out.chunks_exact_mut(channels).enumerate() {
+                pixel.iter_mut().zip(levels).for_each(|(p, level)| *p = level[k] as u8);
+            }
+        });
+        data
     }
 }
 

@@ -2,9 +2,9 @@
 
 use super::jpeg::{self, STRIP_ROWS, Strip};
 use super::random::{self, Normal, Purpose};
-use super::scene::{Patch, Scene};
+use super::scene::{Patch, Scene, Spoiled};
 use super::stage::lock;
-use super::{Exposure, Shared, exif};
+use super::{Exposure, Settings, Shared, exif};
 use crate::geometry::Angle;
 use crate::rig::{Camera, Encoding, Frame, RigError};
 use std::sync::{Arc, Mutex};
@@ -17,21 +17,46 @@ const SAND: [f32; 2] = [117.0, 136.0];
 /// noisy, and the file stores the mean of four.
 const CHROMA_NOISE: f32 = 0.46;
 
+/// What a camera out of focus adds to the lens's blur, pixels.
+const DEFOCUS_PX: f64 = 8.0;
+/// How far the picture moves during a shaken exposure, pixels.
+const SHAKE_PX: f64 = 24.0;
+/// Twice the light: one stop.
+const OVEREXPOSED: f32 = 2.0;
+
 /// The camera. The same settings, true angle and exposure number give the same bytes.
 pub struct SimulatedCamera {
     scene: Arc<Scene>,
     shared: Arc<Mutex<Shared>>,
     normal: Normal,
     exposures: usize,
+    /// The file that was delivered last.
+    last: Vec<u8>,
+}
+
+/// What the faults do to the exposure of this number.
+fn spoiled(settings: &Settings, number: usize) -> Spoiled {
+    let faults = &settings.faults;
+    let clean = Spoiled::default();
+    Spoiled {
+        defocus_px: if faults.spoils(faults.blurred_frame_at, number) {
+            DEFOCUS_PX
+        } else {
+            clean.defocus_px
+        },
+        shake_px: if faults.spoils(faults.shaken_frame_at, number) { SHAKE_PX } else { clean.shake_px },
+        light: if faults.spoils(faults.overexposed_frame_at, number) { OVEREXPOSED } else { clean.light },
+        obstructed: faults.spoils(faults.obstructed_frame_at, number),
+    }
 }
 
 impl SimulatedCamera {
     pub(super) fn new(scene: Arc<Scene>, shared: Arc<Mutex<Shared>>) -> Self {
-        Self { scene, shared, normal: Normal::new(), exposures: 0 }
+        Self { scene, shared, normal: Normal::new(), exposures: 0, last: Vec::new() }
     }
 
     /// One strip of the picture, with noise.
-    fn strip(&self, n: usize, noise: u64, patch: &Patch) -> Strip {
+    fn strip(&self, n: usize, noise: u64, patch: &Patch, light: f32) -> Strip {
         let [width, height] = self.scene.optics.picture;
         let rows = n * STRIP_ROWS..((n + 1) * STRIP_ROWS).min(height);
         let [left, top] = patch.window.origin;
@@ -53,6 +78,7 @@ impl SimulatedCamera {
                 line[left..left + wide].copy_from_slice(&patch.level[from..from + wide]);
                 tint[left..left + wide].copy_from_slice(&patch.grain[from..from + wide]);
             }
+            line.iter_mut().for_each(|x| *x *= light);
             self.expose(&line, random::bits(noise, row as u64), &mut strip.luma[here.clone()]);
             for (k, plane) in strip.chroma.iter_mut().enumerate() {
                 // Two rows share their noise, as they share what the file stores.
@@ -121,15 +147,22 @@ impl Camera for SimulatedCamera {
             )));
         }
         let mut bytes = Vec::new();
-        if faults.empty_frame_at != Some(number) {
-            let patch = self.scene.patch(angle, wobble_px);
+        if faults.spoils(faults.repeated_frame_at, number) && !self.last.is_empty() {
+            bytes.clone_from(&self.last);
+        } else if faults.empty_frame_at != Some(number) {
+            let spoiled = spoiled(settings, number);
+            let patch = self.scene.patch(angle, wobble_px, &spoiled);
             let noise = random::bits(random::key(settings.seed, Purpose::Noise), number as u64);
             let picture = self.scene.optics.picture;
             let exif = exif::block(picture, settings.exposure_s, number);
-            bytes = jpeg::encode(picture, settings.jpeg_quality, &exif, |n| self.strip(n, noise, &patch))?;
+            bytes = jpeg::encode(picture, settings.jpeg_quality, &exif, |n| {
+                self.strip(n, noise, &patch, spoiled.light)
+            })?;
         }
         if faults.truncate_frame_at == Some(number) {
             bytes.truncate(bytes.len() / 3 * 2);
+        } else {
+            self.last.clone_from(&bytes);
         }
         Ok(Frame { bytes, encoding: Encoding::Jpeg })
     }

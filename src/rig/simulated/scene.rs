@@ -38,6 +38,28 @@ pub struct Patch {
     pub grain: Vec<f32>,
 }
 
+/// What spoils one exposure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spoiled {
+    /// Standard deviation of the blur beside the lens's own, pixels.
+    pub defocus_px: f64,
+    /// How far the picture moves to the right during the exposure, pixels.
+    pub shake_px: f64,
+    /// Light, of what it should be.
+    pub light: f32,
+    /// Whether something hangs into the picture.
+    pub obstructed: bool,
+}
+
+impl Default for Spoiled {
+    fn default() -> Self {
+        Self { defocus_px: 0.0, shake_px: 0.0, light: 1.0, obstructed: false }
+    }
+}
+
+/// Width of what hangs into the picture, as a share of the grain's size.
+const OBSTACLE: f64 = 0.15;
+
 /// Grey levels of the three things in a picture.
 struct Levels {
     background: f32,
@@ -100,12 +122,17 @@ impl Scene {
         f64::from(normal.pick(bits)) * self.settings.wobble_px
     }
 
-    /// Grain and pedestal at a true angle, blurred by the lens.
-    pub fn patch(&self, angle: Angle, wobble_px: f64) -> Patch {
+    /// Grain and pedestal at a true angle, blurred by the lens and by what spoils the exposure.
+    pub fn patch(&self, angle: Angle, wobble_px: f64, spoiled: &Spoiled) -> Patch {
         let levels = Levels::of(&self.settings);
         let view = View::new(&self.body, &self.optics, angle, wobble_px);
-        let sd = self.settings.blur_px as f32;
-        let window = view.whole_window(f64::from(4.0 * sd) + 2.0);
+        let sd = self.settings.blur_px.hypot(spoiled.defocus_px) as f32;
+        let mut window = view.whole_window(f64::from(4.0 * sd) + spoiled.shake_px + 2.0);
+        let grain_top = window.origin[1];
+        if spoiled.obstructed {
+            window.size[1] += grain_top;
+            window.origin[1] = 0;
+        }
         let (sin, cos) = angle.rad().sin_cos();
         let mut shade = vec![0.0; self.body.triangles.len()];
         for &t in view.front() {
@@ -126,8 +153,20 @@ impl Scene {
             })
             .collect();
         let mut grain = layers.grain;
-        blur(&mut level, window.size, sd);
-        blur(&mut grain, window.size, sd);
+        if spoiled.obstructed {
+            let reach = 0.5 * (grain_top as f64 + self.optics.axis_row_px);
+            let half = 0.5 * OBSTACLE * self.settings.grain_size_mm / self.settings.mm_per_px;
+            let middle = self.optics.axis_column_px - window.origin[0] as f64;
+            for (k, v) in level.iter_mut().enumerate() {
+                if ((k / w) as f64) < reach && ((k % w) as f64 - middle).abs() < half {
+                    *v = levels.grain;
+                }
+            }
+        }
+        for plane in [&mut level, &mut grain] {
+            blur(plane, window.size, sd);
+            smear(plane, window.size, spoiled.shake_px);
+        }
         Patch { window, level, grain }
     }
 }
@@ -166,6 +205,21 @@ fn unevenness(settings: &Settings) -> (Vec<f32>, Vec<f32>) {
     let greatest = |v: &[f64]| v.iter().copied().fold(0.0, f64::max);
     let (a, d) = (greatest(&across), greatest(&down));
     (across.iter().map(|x| (x / a) as f32).collect(), down.iter().map(|x| (x / d * level) as f32).collect())
+}
+
+/// The mean over a stretch of each row: what an even motion does during the exposure.
+fn smear(values: &mut [f32], [w, _]: [usize; 2], length_px: f64) {
+    let half = (0.5 * length_px) as usize;
+    if half == 0 {
+        return;
+    }
+    values.par_chunks_mut(w).for_each(|row| {
+        let source = row.to_vec();
+        for (i, x) in row.iter_mut().enumerate() {
+            let stretch = &source[i.saturating_sub(half)..(i + half + 1).min(w)];
+            *x = stretch.iter().sum::<f32>() / stretch.len() as f32;
+        }
+    });
 }
 
 /// Gaussian blur along rows, then along columns; the picture goes on beyond its edge as it was there.

@@ -54,6 +54,8 @@ pub struct Settings {
     pub steps_per_turn: u32,
     /// Microsteps in one full step: 1, 2, 4, 8 or 16.
     pub microsteps: u32,
+    /// A full step as it is over a full step as the controller believes it: a wrong gear or step count where not 1.
+    pub step_ratio: f64,
     /// Greatest error of a full step's position, as a fraction of a step. Each position has its own fixed
     /// error, so errors do not add up from step to step (a 0.9° motor's data sheet says ±5 %).
     pub step_error: f64,
@@ -79,10 +81,29 @@ pub struct Faults {
     pub empty_frame_at: Option<usize>,
     /// The exposure at which the camera answers with an error.
     pub fail_capture_at: Option<usize>,
+    /// The exposure that is out of focus.
+    pub blurred_frame_at: Option<usize>,
+    /// The exposure during which the camera shakes, sideways and a little upwards.
+    pub shaken_frame_at: Option<usize>,
+    /// The exposure that gets twice the light.
+    pub overexposed_frame_at: Option<usize>,
+    /// The exposure that delivers the file of the one before it again.
+    pub repeated_frame_at: Option<usize>,
+    /// The exposure in which something hangs into the picture from above, down to the grain's middle.
+    pub obstructed_frame_at: Option<usize>,
+    /// Whether these five stay once they have come, instead of spoiling one exposure.
+    pub frame_faults_stay: bool,
     /// The move in which the motor loses one full step; the next homing finds it again.
     pub lost_step_at: Option<usize>,
     /// The exposure before which the grain slips on its pedestal, for good.
     pub slip: Option<Slip>,
+}
+
+impl Faults {
+    /// Whether a fault that comes at an exposure spoils the exposure of this number.
+    pub(super) fn spoils(&self, fault_at: Option<usize>, number: usize) -> bool {
+        fault_at.is_some_and(|at| at == number || self.frame_faults_stay && at < number)
+    }
 }
 
 /// A grain that turns on its pedestal.
@@ -120,6 +141,7 @@ impl Default for Settings {
             exposure_s: 0.02,
             steps_per_turn: 400,
             microsteps: 1,
+            step_ratio: 1.0,
             step_error: 0.05,
             limits_deg: [-5.0, 365.0],
             speed_deg_per_s: 36.0,
@@ -177,6 +199,7 @@ impl Settings {
                 self.microsteps
             )));
         }
+        within("step_ratio", self.step_ratio, "", 0.5, 2.0)?;
         // At half a step neighbouring positions would change places.
         within("step_error", self.step_error, " steps", 0.0, 0.49)?;
         within("limits_deg", self.limits_deg[0], "°", -1e6, 0.0)?;

@@ -51,7 +51,8 @@ impl SimulatedStage {
         let (full, part) = (position.div_euclid(micro), position.rem_euclid(micro) as f64 / micro as f64);
         let error = |k: i64| self.errors_steps[k.rem_euclid(self.errors_steps.len() as i64) as usize];
         let steps = full as f64 + part + (1.0 - part) * error(full) + part * error(full + 1);
-        Angle::from_rad(steps / f64::from(self.settings.steps_per_turn) * std::f64::consts::TAU)
+        let turns = self.settings.step_ratio * steps / f64::from(self.settings.steps_per_turn);
+        Angle::from_rad(turns * std::f64::consts::TAU)
     }
 
     /// Goes from here to a position; returns the angle believed.

@@ -168,7 +168,7 @@ fn faults_come_when_they_are_asked_for() {
         truncate_frame_at: Some(1),
         fail_capture_at: Some(2),
         slip: Some(Slip { at: 3, deg: 5.0 }),
-        lost_step_at: None,
+        ..Faults::default()
     };
     let (_, mut camera, truth) = open(&s).unwrap();
     assert!(camera.capture().unwrap().bytes.is_empty());

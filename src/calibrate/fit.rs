@@ -1,0 +1,424 @@
+//! All views against one another: the numbers of the rig that make the grain's slices most likely.
+//!
+//! A view at angle θ reaches to the right as far as the slice's support function h(t) at t = θ, to the left as far as
+//! h(θ + π); h′ is how deep the rim lies (nearer the camera to the right where it is positive). To the first order the
+//! reach is changed by the axis' column c and the view's own shift b (∓1), the roll (∓(z + h·∂h/∂z)), the reciprocal
+//! camera distance q (±h′(h − z·∂h/∂z): rays that are not parallel see the rim elsewhere), the rays' rise p
+//! (∓h′·∂h/∂z) and the view's own angle (h′). The slices are random functions (see [`super::support`]), so all these
+//! are generalised least squares with a prior for what a motor and a bearing do.
+
+use super::profile::{Line, Profiles};
+use super::support::{Grid, Hyper, Sums};
+use crate::silhouette::Silhouette;
+use nalgebra::{Cholesky, DMatrix, DVector};
+
+/// Heights that are compared, and samples in all: more cost more than they tell.
+const HEIGHTS: usize = 48;
+const SAMPLES: usize = 6000;
+/// Standard deviation of one view's angle: a 0.9° motor's ±5 % of a step, evenly spread, radians.
+pub(super) const STEP_SIGMA_RAD: f64 = 0.05 * 0.9 / 1.732_050_8 * std::f64::consts::PI / 180.0;
+/// Nobody mounts a camera worse: roll and rise (radians), and how far a camera is (grain heights away).
+const ROLL_SIGMA_RAD: f64 = 0.2;
+const RISE_SIGMA_RAD: f64 = 0.1;
+const NEAREST_HEIGHTS: f64 = 2.0;
+/// The axis' column before it is measured, and the pedestal's eccentricity, pixels.
+const COLUMN_SIGMA_PX: f64 = 1e3;
+const PEDESTAL_ECCENTRICITY_PX: f64 = 50.0;
+/// How far a tube is from parallel to the axis, and the least scatter of its lean that is believed, radians.
+const PEDESTAL_TILT_RAD: f64 = 0.01;
+const LEAST_LEAN_SIGMA_RAD: f64 = 1e-4;
+/// Places of the parameters: c, roll, q, p, then every view's shift, then every view's angle.
+pub(super) const ROLL: usize = 1;
+pub(super) const RECIPROCAL: usize = 2;
+pub(super) const RISE: usize = 3;
+pub(super) const SHARED: usize = 4;
+/// The least wobble believed, pixels: with a pedestal to see it by, and without.
+const LEAST_WOBBLE_PX: [f64; 2] = [0.02, 0.25];
+/// Rounds of linearising in which the spreads are sought, and rounds of each search.
+const SEARCHED_ROUNDS: usize = 2;
+const SEARCH_ROUNDS: usize = 6;
+/// Fewest pedestals that are used.
+const LEAST_PEDESTALS: usize = 6;
+
+/// A view for the fit.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sample<'a> {
+    pub silhouette: &'a Silhouette,
+    /// The pedestal, where it was seen.
+    pub pedestal: Option<Upright>,
+}
+
+/// A pedestal in a picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Upright {
+    /// Column and row of the middle of its top.
+    pub top_px: [f64; 2],
+    /// How far it leans to smaller columns towards its top, radians.
+    pub lean_rad: f64,
+}
+
+/// What holds a parameter before the pictures are asked: value and standard deviation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Prior {
+    pub value: f64,
+    pub sigma: f64,
+}
+
+/// What is known beforehand; `None` where nothing is.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Priors {
+    pub column_px: Option<Prior>,
+    pub roll_rad: Option<Prior>,
+    /// mm per pixel over the distance: 1/pixels.
+    pub reciprocal: Option<Prior>,
+}
+
+/// The parameters, and how sure they are.
+pub(super) struct Fit {
+    pub line: Line,
+    /// All parameters; the first two are corrections that `line` has taken up.
+    pub parameters: DVector<f64>,
+    /// Their covariance.
+    pub covariance: DMatrix<f64>,
+    /// Data's part of the normal equations' matrix and right side.
+    data: Sums,
+    pub hyper: Hyper,
+    /// Whole height of the grain, pixels.
+    pub height_px: f64,
+    /// The reaches, freed of everything but the grain's shape, `[sample, height]`.
+    pub shape: DMatrix<f64>,
+    /// Residual of every view, pixels.
+    pub residuals_px: Vec<f64>,
+    /// Mean reach, pixels.
+    pub mean_reach_px: f64,
+}
+
+impl Fit {
+    pub(super) fn sigma(&self, k: usize) -> f64 {
+        self.covariance[(k, k)].max(0.0).sqrt()
+    }
+
+    pub(super) fn views(&self) -> usize {
+        (self.parameters.len() - SHARED) / 2
+    }
+
+    pub(super) fn offset_px(&self, view: usize) -> f64 {
+        self.parameters[SHARED + view]
+    }
+
+    pub(super) fn angle_rad(&self, view: usize) -> f64 {
+        self.parameters[SHARED + self.views() + view]
+    }
+
+    /// How much of a pattern of angle errors (one number a view) is in the views beyond what the motor may do: its
+    /// factor and the factor's standard deviation.
+    pub(super) fn pattern(&self, pattern: &[f64]) -> (f64, f64) {
+        let first = SHARED + self.views();
+        let v = DVector::from_column_slice(pattern);
+        let angles = self.data.normal.columns(first, v.len()) * &v;
+        let own = v.dot(&angles.rows(first, v.len()));
+        let information = own - angles.dot(&(&self.covariance * &angles));
+        let found = v.dot(&self.data.right.rows(first, v.len())) - angles.dot(&self.parameters);
+        if information <= 0.0 {
+            return (0.0, f64::INFINITY);
+        }
+        (found / information, 1.0 / information.sqrt())
+    }
+}
+
+/// One round's equations.
+struct Round<'a> {
+    grid: Grid,
+    /// −1 for reaches to the left, 1 to the right.
+    side: Vec<f64>,
+    y: DMatrix<f64>,
+    regressors: Vec<DMatrix<f64>>,
+    /// Pedestals' places right of the line, and their leans beyond the line's, by view.
+    pedestals: Vec<(usize, f64, f64)>,
+    /// Standard deviation of a lean, radians.
+    lean_sigma_rad: f64,
+    angles: &'a [f64],
+    /// Of the shared parameters.
+    priors: [Prior; SHARED],
+}
+
+/// What a search for the most likely spreads starts from, or what stands instead of one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Spreads {
+    /// Sought.
+    Sought,
+    /// Sought from here.
+    SoughtFrom(Hyper),
+    /// Known.
+    Known(Hyper),
+}
+
+/// Fits all views at these (signed) angles, from a first line, in so many rounds of linearising.
+pub(super) fn fit(
+    views: &[Sample],
+    angles: &[f64],
+    priors: &Priors,
+    start: &Line,
+    spreads: Spreads,
+    rounds: usize,
+) -> Option<Fit> {
+    let n = views.len();
+    let outlines: Vec<&Silhouette> = views.iter().map(|v| v.silhouette).collect();
+    let mut line = *start;
+    let mut parameters = DVector::zeros(SHARED + 2 * n);
+    let (mut hyper, search) = match spreads {
+        Spreads::Sought => (None, true),
+        Spreads::SoughtFrom(h) => (Some(h), true),
+        Spreads::Known(h) => (Some(h), false),
+    };
+    let mut fitted = None;
+    for round in 0..rounds {
+        let profiles = Profiles::read(&outlines, &line, HEIGHTS.min(SAMPLES / (2 * n)).max(8))?;
+        let mean_reach_px = profiles.reach_px.iter().sum::<f64>() / profiles.reach_px.len() as f64;
+        let mut spread = hyper.unwrap_or(Hyper {
+            curvature_px: (0.2 * mean_reach_px).max(1.0),
+            alike: 0.3,
+            edge_px: 0.3,
+            noise_px: 0.1,
+            wobble_px: 0.3,
+            pedestal_px: 0.1,
+        });
+        let equations = Round::new(views, angles, priors, &line, &profiles, &parameters, &spread)?;
+        if search && round < SEARCHED_ROUNDS {
+            spread = equations.search(spread);
+        }
+        hyper = Some(spread);
+        let solved = equations.solve(&spread)?;
+        parameters = solved.parameters;
+        line.column_px += parameters[0];
+        line.roll_rad += parameters[ROLL];
+        let shape = equations.shape(&parameters);
+        let [smooth, _] = equations.grid.smoothed(&shape, &spread)?;
+        let rest = &shape - smooth;
+        let residuals_px = (0..n)
+            .map(|i| {
+                let own = rest.row(i).norm_squared() + rest.row(n + i).norm_squared();
+                (own / (2 * rest.ncols()) as f64).sqrt()
+            })
+            .collect();
+        fitted = Some(Fit {
+            line,
+            parameters: parameters.clone(),
+            covariance: solved.covariance,
+            data: solved.data,
+            hyper: spread,
+            height_px: profiles.height_px,
+            shape,
+            residuals_px,
+            mean_reach_px,
+        });
+    }
+    fitted
+}
+
+struct Solved {
+    parameters: DVector<f64>,
+    covariance: DMatrix<f64>,
+    data: Sums,
+    /// Logarithm of the marginal likelihood, but for a constant.
+    log_likelihood: f64,
+}
+
+impl<'a> Round<'a> {
+    fn new(
+        views: &[Sample],
+        angles: &'a [f64],
+        priors: &Priors,
+        line: &Line,
+        profiles: &Profiles,
+        parameters: &DVector<f64>,
+        hyper: &Hyper,
+    ) -> Option<Self> {
+        let (n, m) = (views.len(), profiles.z_px.len());
+        let t: Vec<f64> =
+            angles.iter().map(|a| a + std::f64::consts::PI).chain(angles.iter().copied()).collect();
+        let side: Vec<f64> = (0..2 * n).map(|i| if i < n { -1.0 } else { 1.0 }).collect();
+        let grid = Grid::new(t, profiles.z_px.clone());
+        let y = DMatrix::from_row_slice(2 * n, m, &profiles.reach_px);
+        let mut round = Self {
+            grid,
+            side,
+            y,
+            regressors: Vec::new(),
+            pedestals: Vec::new(),
+            lean_sigma_rad: LEAST_LEAN_SIGMA_RAD,
+            angles,
+            priors: [Prior { value: 0.0, sigma: 1.0 }; SHARED],
+        };
+        // The slopes of the shape as it is known so far shape the equations.
+        let flat = DMatrix::zeros(2 * n, m);
+        let [mut h, mut along] = round.grid.smoothed(&round.y, hyper)?;
+        for _ in 0..2 {
+            round.regress(&h, &along, &profiles.z_px);
+            let mut known = parameters.clone();
+            (known[0], known[ROLL]) = (0.0, 0.0);
+            let freed = if known.iter().all(|x| *x == 0.0) { break } else { round.shape(&known) };
+            [h, along] = round.grid.smoothed(&freed, hyper)?;
+        }
+        if round.regressors.is_empty() {
+            round.regress(&h, &flat, &profiles.z_px);
+        }
+        let height = profiles.height_px;
+        let open = |sigma: f64| Prior { value: 0.0, sigma };
+        let shifted = |p: Prior, by: f64| Prior { value: p.value - by, ..p };
+        round.priors = [
+            priors.column_px.map_or(open(COLUMN_SIGMA_PX), |p| shifted(p, line.column_px)),
+            priors.roll_rad.map_or(open(ROLL_SIGMA_RAD), |p| shifted(p, line.roll_rad)),
+            priors.reciprocal.unwrap_or(open(1.0 / (NEAREST_HEIGHTS * height))),
+            open(RISE_SIGMA_RAD),
+        ];
+        let seen = views.iter().enumerate().filter_map(|(i, v)| v.pedestal.map(|p| (i, p)));
+        round.pedestals =
+            seen.map(|(i, p)| (i, line.coordinates(p.top_px)[0], p.lean_rad - line.roll_rad)).collect();
+        if round.pedestals.len() < LEAST_PEDESTALS {
+            round.pedestals.clear();
+        }
+        let mut jumps: Vec<f64> = round.pedestals.windows(2).map(|w| (w[1].2 - w[0].2).abs()).collect();
+        jumps.sort_by(f64::total_cmp);
+        // Of neighbours' differences, whose median is 0.954 standard deviations.
+        let scatter = jumps.get(jumps.len() / 2).map_or(0.0, |j| j / 0.954);
+        round.lean_sigma_rad = scatter.max(LEAST_LEAN_SIGMA_RAD);
+        Some(round)
+    }
+
+    /// The regressors of all parameters, from the shape `h` and its derivative along t.
+    fn regress(&mut self, h: &DMatrix<f64>, along: &DMatrix<f64>, z: &[f64]) {
+        let (rows, m) = h.shape();
+        let n = rows / 2;
+        let pitch = (z[m - 1] - z[0]) / (m - 1) as f64;
+        let up = DMatrix::from_fn(rows, m, |i, k| {
+            let (a, b) = (k.saturating_sub(1), (k + 1).min(m - 1));
+            (h[(i, b)] - h[(i, a)]) / ((b - a) as f64 * pitch)
+        });
+        let side = &self.side;
+        let of = |f: &dyn Fn(usize, usize) -> f64| DMatrix::from_fn(rows, m, f);
+        self.regressors = vec![
+            of(&|i, _| side[i]),
+            of(&|i, k| -side[i] * (z[k] + h[(i, k)] * up[(i, k)])),
+            of(&|i, k| side[i] * along[(i, k)] * (h[(i, k)] - z[k] * up[(i, k)])),
+            of(&|i, k| -side[i] * along[(i, k)] * up[(i, k)]),
+        ];
+        for v in 0..n {
+            self.regressors.push(of(&|i, _| if i % n == v { side[i] } else { 0.0 }));
+        }
+        for v in 0..n {
+            self.regressors.push(of(&|i, k| if i % n == v { along[(i, k)] } else { 0.0 }));
+        }
+    }
+
+    /// The reaches, freed of everything but the shape.
+    fn shape(&self, parameters: &DVector<f64>) -> DMatrix<f64> {
+        let mut shape = self.y.clone();
+        for (x, p) in self.regressors.iter().zip(parameters.iter()) {
+            shape -= x * *p;
+        }
+        shape
+    }
+
+    fn prior(&self, k: usize, hyper: &Hyper) -> Prior {
+        let n = self.angles.len();
+        match k {
+            _ if k < SHARED => self.priors[k],
+            _ if k < SHARED + n => Prior { value: 0.0, sigma: hyper.wobble_px },
+            _ => Prior { value: 0.0, sigma: STEP_SIGMA_RAD },
+        }
+    }
+
+    fn solve(&self, hyper: &Hyper) -> Option<Solved> {
+        let data = self.grid.sums(&self.y, &self.regressors, hyper)?;
+        let mut all = data.clone();
+        let mut log_prior = 0.0;
+        for k in 0..all.right.len() {
+            let Prior { value, sigma } = self.prior(k, hyper);
+            let weight = sigma.powi(-2);
+            all.normal[(k, k)] += weight;
+            all.right[k] += weight * value;
+            all.square += weight * value * value;
+            log_prior += weight.ln();
+        }
+        self.add_pedestals(&mut all, hyper)?;
+        let cholesky = Cholesky::new(all.normal.clone())?;
+        let parameters = cholesky.solve(&all.right);
+        let log_det: f64 = 2.0 * cholesky.l().diagonal().iter().map(|d| d.ln()).sum::<f64>();
+        let log_likelihood =
+            -0.5 * (all.square - parameters.dot(&all.right) + all.log_det - log_prior + log_det);
+        Some(Solved { parameters, covariance: cholesky.inverse(), data, log_likelihood })
+    }
+
+    /// A pedestal that stands a little off the axis goes round once with the grain; beyond that its places are the
+    /// axis' column and the views' shifts.
+    fn add_pedestals(&self, all: &mut Sums, hyper: &Hyper) -> Option<()> {
+        let count = self.pedestals.len();
+        if count == 0 {
+            return Some(());
+        }
+        let angle = |k: usize| self.angles[self.pedestals[k].0];
+        let c = DMatrix::from_fn(count, count, |i, j| {
+            let noise = if i == j { hyper.pedestal_px.powi(2) } else { 0.0 };
+            noise + PEDESTAL_ECCENTRICITY_PX.powi(2) * (angle(i) - angle(j)).cos()
+        });
+        let mut x = DMatrix::zeros(count, all.right.len());
+        for (k, (view, ..)) in self.pedestals.iter().enumerate() {
+            x[(k, 0)] = 1.0;
+            x[(k, SHARED + view)] = 1.0;
+        }
+        let y = DVector::from_iterator(count, self.pedestals.iter().map(|p| p.1));
+        all.add(&x, &y, c)?;
+        // A tube that is not parallel to the axis leans now to one side, now to the other.
+        let c = DMatrix::from_fn(count, count, |i, j| {
+            let noise = if i == j { self.lean_sigma_rad.powi(2) } else { 0.0 };
+            noise + PEDESTAL_TILT_RAD.powi(2) * (angle(i) - angle(j)).cos()
+        });
+        let mut x = DMatrix::zeros(count, all.right.len());
+        x.column_mut(ROLL).fill(1.0);
+        let y = DVector::from_iterator(count, self.pedestals.iter().map(|p| p.2));
+        all.add(&x, &y, c)
+    }
+
+    /// The spreads that make the data most likely: one after another, by steps that shrink.
+    fn search(&self, start: Hyper) -> Hyper {
+        let with_pedestals = !self.pedestals.is_empty();
+        let least_wobble = LEAST_WOBBLE_PX[usize::from(!with_pedestals)];
+        let likelihood = |h: &Hyper| self.solve(h).map_or(f64::NEG_INFINITY, |s| s.log_likelihood);
+        type Entry = fn(&mut Hyper) -> &mut f64;
+        let entries: [(Entry, f64, f64); 6] = [
+            (|h| &mut h.curvature_px, 0.1, 1e4),
+            (|h| &mut h.edge_px, 0.02, 10.0),
+            (|h| &mut h.noise_px, 0.01, 5.0),
+            (|h| &mut h.wobble_px, least_wobble, 20.0),
+            (|h| &mut h.alike, 0.02, 3.0),
+            (|h| &mut h.pedestal_px, 0.03, 5.0),
+        ];
+        let open = if with_pedestals { 6 } else { 5 };
+        let mut steps = [1.6f64; 6];
+        let mut best = Hyper { wobble_px: start.wobble_px.max(least_wobble), ..start };
+        let mut greatest = likelihood(&best);
+        for _ in 0..SEARCH_ROUNDS {
+            for (k, (entry, least, most)) in entries.iter().take(open).enumerate() {
+                let mut moved = false;
+                for factor in [steps[k], 1.0 / steps[k]] {
+                    let mut next = best;
+                    let value = entry(&mut next);
+                    *value = (*value * factor).clamp(*least, *most);
+                    if next == best {
+                        continue;
+                    }
+                    let l = likelihood(&next);
+                    if l > greatest + 1e-3 {
+                        (best, greatest, moved) = (next, l, true);
+                        break;
+                    }
+                }
+                if !moved {
+                    steps[k] = steps[k].powf(0.6);
+                }
+            }
+        }
+        best
+    }
+}

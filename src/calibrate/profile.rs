@@ -1,0 +1,166 @@
+//! How far the grain reaches to either side of the axis, height by height, in every view.
+
+use crate::silhouette::Silhouette;
+
+/// Lines that are read and averaged in one height.
+const LINES: usize = 5;
+/// Share of the common height that is left out below (beside the pedestal, where grain and glue meet) and above
+/// (where the outline runs across the lines), and the least of it in pixels.
+const LEFT_OUT: (f64, f64) = (0.05, 0.10);
+const LEAST_LEFT_OUT_PX: f64 = 5.0;
+/// Lines closer than this say the same, pixels.
+const CLOSEST_PX: f64 = 2.0;
+
+/// The axis as it is known so far: a straight line in the picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Line {
+    /// Column of the axis in the foot's row.
+    pub column_px: f64,
+    /// The foot's row.
+    pub row_px: f64,
+    /// Roll, radians.
+    pub roll_rad: f64,
+}
+
+impl Line {
+    /// The place in the picture `u` to the right of the axis and `z` above its foot, pixels, both turned by the roll.
+    pub(super) fn place(&self, u: f64, z: f64) -> [f64; 2] {
+        let (sin, cos) = self.roll_rad.sin_cos();
+        [self.column_px + u * cos - z * sin, self.row_px - u * sin - z * cos]
+    }
+
+    /// How far right of the axis and above the foot a place in the picture lies, pixels.
+    pub(super) fn coordinates(&self, [column, row]: [f64; 2]) -> [f64; 2] {
+        let (sin, cos) = self.roll_rad.sin_cos();
+        let (du, dv) = (column - self.column_px, row - self.row_px);
+        [du * cos - dv * sin, -(du * sin + dv * cos)]
+    }
+}
+
+/// Extents of all views at common heights.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Profiles {
+    /// Heights above the foot, pixels, ascending and even.
+    pub z_px: Vec<f64>,
+    /// `[sample, height]`, row-major: how far the grain reaches from the axis, first to the left in every view, then
+    /// to the right in every view, pixels.
+    pub reach_px: Vec<f64>,
+    /// Whole height that all views share, pixels.
+    pub height_px: f64,
+}
+
+impl Profiles {
+    /// Reads `heights` heights at most; `None` where the views share too few rows.
+    pub(super) fn read(views: &[&Silhouette], line: &Line, heights: usize) -> Option<Self> {
+        let ranges = views.iter().map(|s| height_range(s, line)).collect::<Option<Vec<_>>>()?;
+        let low = ranges.iter().map(|r| r[0]).fold(f64::NEG_INFINITY, f64::max);
+        let high = ranges.iter().map(|r| r[1]).fold(f64::INFINITY, f64::min);
+        let height_px = high - low;
+        let margin = |share: f64| (share * height_px).max(LEAST_LEFT_OUT_PX);
+        let (low, high) = (low + margin(LEFT_OUT.0), high - margin(LEFT_OUT.1));
+        let count = heights.min(((high - low) / CLOSEST_PX).max(0.0) as usize);
+        if count < 8 {
+            return None;
+        }
+        let pitch = (high - low) / count as f64;
+        let z_px: Vec<f64> = (0..count).map(|k| low + (k as f64 + 0.5) * pitch).collect();
+        let both = |s: &Silhouette| -> Option<Vec<[f64; 2]>> {
+            (z_px.iter())
+                .map(|z| {
+                    let mut sum = [0.0; 2];
+                    for k in 0..LINES {
+                        let at = z + ((k as f64 + 0.5) / LINES as f64 - 0.5) * pitch;
+                        let ends = extents(s, line, at)?;
+                        sum[0] -= ends[0];
+                        sum[1] += ends[1];
+                    }
+                    Some(sum.map(|s| s / LINES as f64))
+                })
+                .collect()
+        };
+        let read = {
+            use rayon::prelude::*;
+            views.par_iter().map(|s| both(s)).collect::<Option<Vec<_>>>()?
+        };
+        let reach_px = (0..2).flat_map(|side| read.iter().flatten().map(move |ends| ends[side])).collect();
+        Some(Self { z_px, reach_px, height_px })
+    }
+}
+
+/// Lowest and highest place of the outline along the axis.
+fn height_range(s: &Silhouette, line: &Line) -> Option<[f64; 2]> {
+    let rows = s.extents_px();
+    let ends = rows.iter().enumerate().filter_map(|(j, e)| e.map(|e| ((s.origin[1] + j) as f64, e)));
+    let mut range: Option<[f64; 2]> = None;
+    for (row, [left, right]) in ends {
+        for column in [left, right] {
+            let z = line.coordinates([column, row])[1];
+            range = Some(range.map_or([z, z], |[a, b]| [a.min(z), b.max(z)]));
+        }
+    }
+    range
+}
+
+/// Where the grain begins and ends along a line across the axis, pixels right of the axis.
+fn extents(s: &Silhouette, line: &Line, z: f64) -> Option<[f64; 2]> {
+    let (w, h) = (s.size[0] as f64, s.size[1] as f64);
+    let corner = |x: f64, y: f64| line.coordinates([s.origin[0] as f64 + x, s.origin[1] as f64 + y])[0];
+    let corners = [corner(0.0, 0.0), corner(w, 0.0), corner(0.0, h), corner(w, h)];
+    let low = corners.into_iter().fold(f64::INFINITY, f64::min).floor();
+    let high = corners.into_iter().fold(f64::NEG_INFINITY, f64::max).ceil();
+    let at = |u: f64| s.signed_distance_px(line.place(u, z));
+    // Outside, the distance is a lower bound of how far the outline is: no smaller step can miss it.
+    let from = |start: f64, sense: f64, end: f64| -> Option<f64> {
+        let (mut u, mut d) = (start, at(start));
+        loop {
+            let next = u + sense * (0.9 * d).max(0.5);
+            if (next - end) * sense > 0.0 {
+                return None;
+            }
+            let e = at(next);
+            if e < 0.0 {
+                // Between two places: false position on a field that is nearly linear.
+                let (mut a, mut b) = ((u, d), (next, e));
+                for _ in 0..4 {
+                    let x = a.0 + (b.0 - a.0) * a.1 / (a.1 - b.1);
+                    let m = at(x);
+                    if m < 0.0 { b = (x, m) } else { a = (x, m) }
+                }
+                return Some(a.0 + (b.0 - a.0) * a.1 / (a.1 - b.1));
+            }
+            (u, d) = (next, e);
+        }
+    };
+    if at(low) < 0.0 || at(high) < 0.0 {
+        return None;
+    }
+    Some([from(low, 1.0, high)?, from(high, -1.0, low)?])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_leaning_ellipse_is_read_in_the_axis_own_frame() {
+        // An upright ellipse in the axis' frame, about 5 px right of the axis and 100 px above the foot.
+        let line = Line { column_px: 151.3, row_px: 260.2, roll_rad: 0.03 };
+        let size = [320, 300];
+        let distance_px = (0..size[0] * size[1])
+            .map(|k| {
+                let [u, z] = line.coordinates([(k % size[0]) as f64, (k / size[0]) as f64]);
+                (60.0 * (((u - 5.0) / 60.0).hypot((z - 100.0) / 90.0) - 1.0)) as f32
+            })
+            .collect();
+        let s = Silhouette { picture: size, origin: [0, 0], size, distance_px };
+        let p = Profiles::read(&[&s], &line, 40).unwrap();
+        for (k, z) in p.z_px.iter().enumerate() {
+            let half = 60.0 * (1.0 - ((z - 100.0) / 90.0).powi(2)).sqrt();
+            // Averaged over the height's lines: the ellipse's curvature costs a little near its ends.
+            assert!((p.reach_px[k] - (half - 5.0)).abs() < 0.1, "{z}: {} {half}", p.reach_px[k]);
+            assert!((p.reach_px[p.z_px.len() + k] - (half + 5.0)).abs() < 0.1);
+        }
+        let [u, z] = line.coordinates(line.place(12.0, 34.0));
+        assert!((u - 12.0).abs() < 1e-12 && (z - 34.0).abs() < 1e-12);
+    }
+}

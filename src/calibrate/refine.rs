@@ -1,0 +1,359 @@
+//! From the silhouettes of a session to the rig's numbers.
+
+use super::calibration::{Calibration, Finding, FindingKind, Rotation, ViewCalibration};
+use super::fit::{Fit, Prior, Priors, RECIPROCAL, RISE, ROLL, Sample, Spreads, Upright, fit};
+use super::profile::Line;
+use super::turning::{self, Change, Turning};
+use super::{Axis, AxisError, AxisMethod, How, Measured, find_axis};
+use crate::geometry::Angle;
+use crate::silhouette::Silhouette;
+
+/// Fewest views that are held against one another.
+const LEAST_VIEWS: usize = 6;
+/// Rounds of linearising.
+const ROUNDS: usize = 3;
+/// What a number must be of its standard uncertainty to count as seen.
+const SEEN_SIGMAS: f64 = 4.0;
+/// The slices of a real grain are not quite what the random functions are: uncertainties are this much larger than
+/// the equations say (measured over many simulated rigs: see `tests/calibration.rs`).
+const MODEST: f64 = 1.6;
+/// The same for the reciprocal distance, which small errors of the outlines move most.
+const MODEST_RECIPROCAL: f64 = 3.0;
+/// What an outline may be off by on one side all along, pixels (standard deviation).
+const OUTLINE_PX: f64 = 0.08;
+/// A view's shift beyond this many times what is usual is worth a word.
+const FAR_SIGMAS: f64 = 4.0;
+
+/// A view's outline and what is known of it.
+#[derive(Debug, Clone, Copy)]
+pub struct SeenView<'a> {
+    /// Index in the plan.
+    pub index: usize,
+    /// The stage's angle.
+    pub angle: Angle,
+    /// The outline.
+    pub silhouette: &'a Silhouette,
+    /// The pedestal, where it was seen.
+    pub pedestal: Option<Upright>,
+}
+
+/// What is known of the rig beforehand.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Known {
+    /// Size of a pixel at the axis, mm.
+    pub mm_per_px: Measured,
+    /// The row of z = 0.
+    pub origin_row_px: f64,
+    /// Distance to the axis, mm.
+    pub camera_distance_mm: Option<f64>,
+    /// Column of the axis in the origin's row.
+    pub axis_column_px: Option<f64>,
+    /// Roll, degrees.
+    pub roll_deg: Option<f64>,
+    /// Whether the grain is said to turn clockwise when the stage angle grows.
+    pub clockwise: bool,
+    /// A full step of the motor, degrees.
+    pub full_step_deg: f64,
+    /// Whether the views' own offsets and angles are to be used.
+    pub refine: bool,
+}
+
+/// Measures the rig from all views; the axis as found by mirror images or tangency is what it starts from.
+///
+/// # Errors
+/// [`AxisError`] where neither the views nor the user say where the axis is.
+pub fn calibrate(views: &[SeenView], known: &Known) -> Result<(Calibration, Axis), AxisError> {
+    let sense = if known.clockwise { -1.0 } else { 1.0 };
+    let axis = first_axis(views, known, sense)?;
+    let start = Line {
+        column_px: axis.column_px + axis.roll_rad.tan() * (known.origin_row_px - axis.row_px),
+        row_px: known.origin_row_px,
+        roll_rad: axis.roll_rad,
+    };
+    let samples: Vec<Sample> =
+        views.iter().map(|v| Sample { silhouette: v.silhouette, pedestal: v.pedestal }).collect();
+    let made =
+        if views.len() < LEAST_VIEWS { None } else { Worked::of(views, &samples, known, &start, sense) };
+    Ok((made.map_or_else(|| unmeasured(views, known, &start), |w| w.calibration(views, known)), axis))
+}
+
+fn first_axis(views: &[SeenView], known: &Known, sense: f64) -> Result<Axis, AxisError> {
+    let given = |column_px: f64, roll_rad: f64, method| Axis {
+        column_px,
+        row_px: known.origin_row_px,
+        roll_rad,
+        residual_px: 0.0,
+        method,
+    };
+    let roll = known.roll_deg.map(f64::to_radians);
+    if let Some(column_px) = known.axis_column_px {
+        return Ok(given(column_px, roll.unwrap_or(0.0), AxisMethod::Given));
+    }
+    let found = find_axis(&views.iter().map(|v| (v.angle * sense, v.silhouette)).collect::<Vec<_>>())?;
+    Ok(Axis { roll_rad: roll.unwrap_or(found.roll_rad), ..found })
+}
+
+/// The fit, and how its angles are to be read.
+struct Worked {
+    turning: Turning,
+    /// 1 where signed angles are the stage's, −1 where they are its negatives.
+    sense: f64,
+    sense_seen: bool,
+    /// Reciprocal distance as the pictures alone tell it, and its standard uncertainty, 1/pixels.
+    reciprocal: (f64, f64),
+}
+
+impl Worked {
+    fn of(views: &[SeenView], samples: &[Sample], known: &Known, start: &Line, sense: f64) -> Option<Self> {
+        let exactly = |value: f64| Prior { value, sigma: 1e-9 };
+        let mut priors = Priors {
+            column_px: known.axis_column_px.map(|c| Prior { value: c, sigma: 1e-6 }),
+            roll_rad: known.roll_deg.map(|r| exactly(r.to_radians())),
+            reciprocal: None,
+        };
+        let angles = |sense: f64| -> Vec<f64> { views.iter().map(|v| sense * v.angle.rad()).collect() };
+        let mut sense = sense;
+        let first = fit(samples, &angles(sense), &priors, start, Spreads::Sought, ROUNDS)?;
+        let mut turning = turning::look(samples, &angles(sense), &priors, first);
+        let told = |f: &Fit| (f.parameters[RECIPROCAL], MODEST_RECIPROCAL * f.sigma(RECIPROCAL));
+        let (q, sigma) = told(&turning.fit);
+        // Seen from a finite distance, the grain's mirror image turning the other way would need a camera behind it.
+        if q < -SEEN_SIGMAS * sigma {
+            sense = -sense;
+            let line = turning.fit.line;
+            let first = fit(samples, &angles(sense), &priors, &line, Spreads::Sought, ROUNDS)?;
+            turning = turning::look(samples, &angles(sense), &priors, first);
+        }
+        let reciprocal = told(&turning.fit);
+        let sense_seen = reciprocal.0 > SEEN_SIGMAS * reciprocal.1;
+        if let (Some(distance), Some(scale)) = (known.camera_distance_mm, known.mm_per_px.value) {
+            priors.reciprocal = Some(exactly(scale / distance));
+            let Turning { found, angles, fit: former } = turning;
+            let fit = fit(samples, &angles, &priors, &former.line, Spreads::Known(former.hyper), ROUNDS)?;
+            turning = Turning { found, angles, fit };
+        }
+        Some(Self { turning, sense, sense_seen, reciprocal })
+    }
+
+    fn calibration(&self, views: &[SeenView], known: &Known) -> Calibration {
+        let Turning { fit, angles, found } = &self.turning;
+        let mut warnings = Vec::new();
+        let height = fit.height_px.max(1.0);
+        let shared = OUTLINE_PX * (2.0 / height);
+        let sigma = |k: usize, more: f64| (MODEST * fit.sigma(k)).hypot(more);
+        let scale = known.mm_per_px.value.unwrap_or(1.0);
+        let (camera_distance_mm, camera_distance_says) = self.distance(known, scale, fit, &mut warnings);
+        let telecentric = camera_distance_mm.value.is_none();
+        let rise = fit.parameters[RISE];
+        let rise_sigma = sigma(RISE, shared);
+        let elevation_deg = if rise.abs() > SEEN_SIGMAS * rise_sigma || !telecentric {
+            Measured::measured(rise.to_degrees(), rise_sigma.to_degrees())
+        } else {
+            Measured::assumed(0.0, Some(rise_sigma.to_degrees()))
+        };
+        let typical = fit.hyper.wobble_px.max(0.1);
+        let details: Vec<ViewCalibration> = (views.iter().enumerate())
+            .map(|(i, v)| {
+                let offset_px = fit.offset_px(i);
+                let offset_sigma_px = sigma(super::fit::SHARED + i, OUTLINE_PX);
+                let mut warnings = Vec::new();
+                if offset_px.abs() > FAR_SIGMAS * typical {
+                    warnings.push(format!(
+                        "the view stands {offset_px:+.1} px beside the others, {typical:.1} px is usual: look for a knock or a \
+                         loose mount"
+                    ));
+                }
+                ViewCalibration {
+                    index: v.index,
+                    nominal_angle_deg: v.angle.deg(),
+                    angle_deg: (self.sense * (angles[i] + fit.angle_rad(i))).to_degrees(),
+                    angle_sigma_deg: sigma(super::fit::SHARED + views.len() + i, 0.0).to_degrees(),
+                    offset_px,
+                    offset_sigma_px,
+                    residual_px: fit.residuals_px[i],
+                    verdict: if warnings.is_empty() { "good" } else { "doubtful" }.into(),
+                    warnings,
+                }
+            })
+            .collect();
+        let findings: Vec<Finding> = found.iter().map(|f| self.finding(f, views, known)).collect();
+        warnings.extend(findings.iter().map(|f| f.text.clone()));
+        let counter_clockwise = self.sense > 0.0;
+        if counter_clockwise == known.clockwise {
+            warnings.push(format!(
+                "the pictures show the grain turning {} (seen from above, when the stage angle grows), the configuration says \
+                 the opposite: the pictures are believed; mend `clockwise` (or --rotation)",
+                if counter_clockwise { "counter-clockwise" } else { "clockwise" }
+            ));
+        } else if !self.sense_seen {
+            warnings.push(
+                "parallel views cannot tell the sense of rotation (the mirror image fits as well): it is taken as configured"
+                    .into(),
+            );
+        }
+        let given =
+            |value: Option<f64>, measured: Measured| value.map_or(measured, |v| Measured::given(v, None));
+        Calibration {
+            mm_per_px: known.mm_per_px,
+            axis_column_px: given(
+                known.axis_column_px,
+                Measured::measured(fit.line.column_px, sigma(0, OUTLINE_PX)),
+            ),
+            origin_row_px: known.origin_row_px,
+            roll_deg: given(
+                known.roll_deg,
+                Measured::measured(fit.line.roll_rad.to_degrees(), sigma(ROLL, shared).to_degrees()),
+            ),
+            camera_distance_mm,
+            camera_distance_says,
+            elevation_deg,
+            rotation: Rotation {
+                counter_clockwise,
+                how: if self.sense_seen { How::Measured } else { How::Assumed },
+            },
+            wobble_px: fit.hyper.wobble_px,
+            residual_px: fit.hyper.noise_px.hypot(fit.hyper.edge_px),
+            refined: known.refine,
+            views: details,
+            findings,
+            warnings,
+        }
+    }
+
+    /// The distance as given, as measured, or how far the camera must be at least.
+    fn distance(
+        &self,
+        known: &Known,
+        scale: f64,
+        fit: &Fit,
+        warnings: &mut Vec<String>,
+    ) -> (Measured, String) {
+        let (q, sigma) = self.reciprocal;
+        let nearest = scale / (q.max(0.0) + 2.0 * sigma);
+        let seen = q > SEEN_SIGMAS * sigma;
+        let says = if seen {
+            format!("the outlines say {:.0} ± {:.0} mm", scale / q, scale * sigma / (q * q))
+        } else if nearest < 20.0 * fit.mean_reach_px * scale {
+            "the outlines do not show it".into()
+        } else {
+            format!(
+                "the views look parallel: the camera is farther than {nearest:.0} mm (95 %), or the lens is telecentric"
+            )
+        };
+        match known.camera_distance_mm {
+            Some(d) => {
+                if (q - scale / d).abs() > SEEN_SIGMAS * sigma {
+                    warnings.push(format!(
+                        "the camera's distance is given as {d} mm, but {says}: check the given one"
+                    ));
+                }
+                (Measured::given(d, None), says)
+            }
+            None if seen => (Measured::measured(scale / q, scale * sigma / (q * q)), says),
+            None => (Measured::not_observable(), says),
+        }
+    }
+
+    fn finding(&self, found: &turning::Found, views: &[SeenView], known: &Known) -> Finding {
+        let degrees = (self.sense * found.rad).to_degrees();
+        let sigma_deg = MODEST * found.sigma_rad.to_degrees();
+        let travel = views.last().map_or(0.0, |v| (v.angle - views[0].angle).deg());
+        let ahead = degrees * travel >= 0.0;
+        let how = if ahead { "ahead" } else { "behind" };
+        let size = degrees.abs();
+        match found.change {
+            Change::Step => {
+                let farthest =
+                    (views.iter().map(|v| (v.angle - views[0].angle).deg().abs())).fold(0.0, f64::max);
+                let ratio = 1.0 + if ahead { size } else { -size } / farthest.max(1e-9);
+                Finding {
+                    kind: FindingKind::StepSize,
+                    view: None,
+                    between: None,
+                    degrees,
+                    sigma_deg,
+                    step_ratio: Some(ratio),
+                    text: format!(
+                        "every step turns the grain {:.2} % {} than it should ({size:.1}° ± {sigma_deg:.1}° {how} at the end): \
+                         check steps per turn, microsteps and gear of the stage",
+                        100.0 * (ratio - 1.0).abs(),
+                        if ratio > 1.0 { "further" } else { "less" }
+                    ),
+                }
+            }
+            Change::From(k) => {
+                let steps = (size / known.full_step_deg).round();
+                let whole = steps >= 1.0
+                    && (size - steps * known.full_step_deg).abs()
+                        < (2.0 * sigma_deg).clamp(0.04, 0.2 * known.full_step_deg);
+                let [from, to] = found.between.map(|k| views[k].index);
+                let place = if from == to {
+                    format!("from view {from} on")
+                } else {
+                    format!("from view {} on (as likely as any of {from} to {to})", views[k].index)
+                };
+                let lost = whole && !ahead;
+                let cause = if lost {
+                    format!(
+                        ": {steps} full step{} of the motor lost, or the grain slipped; check the motor's current, speed and \
+                         acceleration, and the glue",
+                        if steps > 1.0 { "s" } else { "" }
+                    )
+                } else {
+                    ": it slipped on its pedestal, or the stage lost its place; check glue and coupling"
+                        .into()
+                };
+                Finding {
+                    kind: if lost { FindingKind::LostSteps } else { FindingKind::Slip },
+                    view: Some(views[k].index),
+                    between: Some([from, to]),
+                    degrees,
+                    sigma_deg,
+                    step_ratio: None,
+                    text: format!("{place}, the grain is {size:.1}° ± {sigma_deg:.1}° {how}{cause}"),
+                }
+            }
+        }
+    }
+}
+
+/// Too few views or rows to hold against one another: what is given or was found at first stands.
+fn unmeasured(views: &[SeenView], known: &Known, start: &Line) -> Calibration {
+    let stated = |given: Option<f64>, found: f64| match given {
+        Some(v) => Measured::given(v, None),
+        None => Measured { value: Some(found), sigma: None, how: How::Measured },
+    };
+    Calibration {
+        mm_per_px: known.mm_per_px,
+        axis_column_px: stated(known.axis_column_px, start.column_px),
+        origin_row_px: known.origin_row_px,
+        roll_deg: stated(known.roll_deg, start.roll_rad.to_degrees()),
+        camera_distance_mm: (known.camera_distance_mm)
+            .map_or_else(Measured::not_observable, |d| Measured::given(d, None)),
+        camera_distance_says: "too few views or rows in common".into(),
+        elevation_deg: Measured::assumed(0.0, None),
+        rotation: Rotation { counter_clockwise: !known.clockwise, how: How::Assumed },
+        wobble_px: 0.0,
+        residual_px: 0.0,
+        refined: false,
+        views: (views.iter())
+            .map(|v| ViewCalibration {
+                index: v.index,
+                nominal_angle_deg: v.angle.deg(),
+                angle_deg: v.angle.deg(),
+                angle_sigma_deg: super::fit::STEP_SIGMA_RAD.to_degrees(),
+                offset_px: 0.0,
+                offset_sigma_px: 0.0,
+                residual_px: 0.0,
+                verdict: "good".into(),
+                warnings: Vec::new(),
+            })
+            .collect(),
+        findings: Vec::new(),
+        warnings: vec![format!(
+            "{} views with the rows that they share are too few to hold against one another ({LEAST_VIEWS} are needed): \
+             axis and roll carry no uncertainty, slips would not be seen",
+            views.len()
+        )],
+    }
+}

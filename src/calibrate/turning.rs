@@ -1,0 +1,245 @@
+//! Whether the grain turned as the stage did: slips, lost steps, a wrong step size.
+//!
+//! *How much* is in the equations of [`super::fit`], the closing view above all. *Where* is told by the slices'
+//! curvature: the outline's reach in three neighbouring directions gives the mean radius of curvature of the convex
+//! slice between them, which is never negative and, for a grain with corners and facets, is alike or jumps from one
+//! place to the next. With wrong angles nearly all of them are off. So a Cauchy likelihood of its steps, and of what
+//! is negative, tells where the angles went wrong (Huber and Ronchetti, Robust Statistics, 2009, on why not squares).
+
+use super::fit::{Fit, Priors, Sample, Spreads, fit};
+use super::profile::Line;
+use nalgebra::DMatrix;
+
+/// The evidence that a change must have: what the curvatures' likelihood gains for every height, weighed against what
+/// the equations gain or lose (natural logarithms). Clean rigs had up to 5.0, slips of a degree mostly 6 to 30.
+const LEAST_EVIDENCE: f64 = 6.0;
+const GAIN_WEIGHT: f64 = 3.0;
+/// The equations' standard deviations are too small by this much: a silhouette's errors are not quite what they hold.
+const EQUATIONS_MODEST: f64 = 2.0;
+/// The change must matter, radians at the end of the turn.
+const LEAST_RAD: f64 = 0.45 * RAD_PER_DEG;
+const RAD_PER_DEG: f64 = std::f64::consts::PI / 180.0;
+/// Grids on which changes are tried: pitch and count to either side.
+const GRIDS: [(f64, i32); 2] = [(0.1 * RAD_PER_DEG, 25), (1.5 * RAD_PER_DEG, 20)];
+/// Beyond this the equations are too far from linear to be asked how much, radians; then the curvatures must gain more.
+const LINEAR_RAD: f64 = 2.5 * RAD_PER_DEG;
+const LARGE_GAIN: f64 = 5.0;
+/// How well the curvature alone tells a change, radians (standard deviation).
+const CURVATURE_RAD: f64 = 0.15 * RAD_PER_DEG;
+/// How many places are worked out in full.
+const WORKED_OUT: usize = 4;
+/// A place whose evidence is no more than this below the best one's is as good.
+const AS_GOOD: f64 = 2.0;
+/// Most changes that are told in one session.
+const MOST_CHANGES: usize = 3;
+/// Directions closer than this are one, radians.
+const SAME_RAD: f64 = 0.05;
+/// Curvature's steps of this share of their median are ordinary, and what a negative curvature costs beside a step.
+const ORDINARY: f64 = 0.5;
+const NEGATIVE: f64 = 2.0;
+/// Directions that costs are stated for.
+const DIRECTIONS: f64 = 50.0;
+/// Rounds of working a place out.
+const ROUNDS: usize = 2;
+
+/// A change of all later angles, or of all.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Change {
+    /// From this view on.
+    From(usize),
+    /// Of every step.
+    Step,
+}
+
+impl Change {
+    /// The angle errors that one radian (at the last view) of it makes.
+    fn pattern(self, angles: &[f64]) -> Vec<f64> {
+        let n = angles.len();
+        match self {
+            Self::From(view) => (0..n).map(|i| f64::from(i >= view)).collect(),
+            Self::Step => {
+                let whole = (angles.iter().map(|a| a - angles[0]))
+                    .fold(0.0, |m: f64, a| if a.abs() > m.abs() { a } else { m });
+                angles.iter().map(|a| (a - angles[0]) / whole.abs().max(1e-9)).collect()
+            }
+        }
+    }
+}
+
+/// A change that was found.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Found {
+    pub change: Change,
+    /// Radians ahead; for [`Change::Step`] at the farthest view.
+    pub rad: f64,
+    pub sigma_rad: f64,
+    /// The places that are as good, for [`Change::From`].
+    pub between: [usize; 2],
+}
+
+/// The changes, and the fit with the angles that they lead to.
+pub(super) struct Turning {
+    pub found: Vec<Found>,
+    pub angles: Vec<f64>,
+    pub fit: Fit,
+}
+
+/// Looks for changes until none is left; `first` is the fit at `angles`.
+pub(super) fn look(views: &[Sample], angles: &[f64], priors: &Priors, first: Fit) -> Turning {
+    let mut now = Turning { found: Vec::new(), angles: angles.to_vec(), fit: first };
+    while now.found.len() < MOST_CHANGES {
+        let Some(next) = one(views, priors, &now) else { break };
+        now = next;
+    }
+    now
+}
+
+/// All changes that could be.
+fn changes(n: usize) -> Vec<Change> {
+    (1..n).map(Change::From).chain([Change::Step]).collect()
+}
+
+/// A change with the cost of the curvatures that it leads to.
+#[derive(Debug, Clone, Copy)]
+struct Tried {
+    change: Change,
+    rad: f64,
+    cost: f64,
+}
+
+fn one(views: &[Sample], priors: &Priors, now: &Turning) -> Option<Turning> {
+    let (fitted, angles) = (&now.fit, &now.angles);
+    let heights = fitted.shape.ncols() as f64;
+    let moved = |change: Change, rad: f64| -> Vec<f64> {
+        angles.iter().zip(change.pattern(angles)).map(|(a, p)| a + rad * p).collect()
+    };
+    let before = curvatures(angles, &fitted.shape);
+    let ordinary = ordinary_step(&before);
+    let best_of = |change: Change, around: f64, grid: (f64, i32), shape: &DMatrix<f64>| -> Tried {
+        (-grid.1..=grid.1)
+            .map(|k| around + f64::from(k) * grid.0)
+            .map(|rad| Tried { change, rad, cost: cost(&curvatures(&moved(change, rad), shape), ordinary) })
+            .fold(
+                Tried { change, rad: around, cost: f64::INFINITY },
+                |a, b| if b.cost < a.cost { b } else { a },
+            )
+    };
+    let unchanged = cost(&before, ordinary);
+    let evidence = |t: &Tried| {
+        let gain = (unchanged - t.cost) / heights;
+        let (rad, sigma) = fitted.pattern(&t.change.pattern(angles));
+        let variance = (EQUATIONS_MODEST * sigma).powi(2) + CURVATURE_RAD.powi(2);
+        if t.rad.abs() > LINEAR_RAD {
+            return if gain > LARGE_GAIN && rad * t.rad > 0.0 { GAIN_WEIGHT * gain } else { 0.0 };
+        }
+        GAIN_WEIGHT * gain + (rad.powi(2) - (rad - t.rad).powi(2)) / (2.0 * variance)
+    };
+    let mut tried: Vec<(f64, Tried)> = {
+        use rayon::prelude::*;
+        (changes(angles.len()).into_par_iter())
+            .flat_map_iter(|change| GRIDS.map(|grid| best_of(change, 0.0, grid, &fitted.shape)))
+            .map(|t| (evidence(&t), t))
+            .collect()
+    };
+    tried.sort_by(|a, b| b.0.total_cmp(&a.0));
+    tried.retain(|t| t.1.rad.abs() > LEAST_RAD && t.0 > LEAST_EVIDENCE);
+    let best = tried.first()?.0;
+    // The equations were written for angles that were wrong: write them again for each of the likeliest.
+    let places = tried.iter().take(WORKED_OUT).map(|t| t.1);
+    let worked = places.filter_map(|t| {
+        let fitted =
+            work_out(views, &moved(t.change, t.rad), priors, &fitted.line, Spreads::Known(fitted.hyper))?;
+        let fine = best_of(t.change, t.rad, (0.2 * GRIDS[0].0, 25), &fitted.shape);
+        Some((fine, fitted))
+    });
+    let (place, fitted) = worked.min_by(|a, b| a.0.cost.total_cmp(&b.0.cost))?;
+    // How much: what the equations at the changed angles still ask for, and what the curvature does.
+    let first = tried.iter().find(|t| t.1.change == place.change).map_or(place.rad, |t| t.1.rad);
+    let (rest, sigma) = fitted.pattern(&place.change.pattern(angles));
+    let weight = (CURVATURE_RAD / (EQUATIONS_MODEST * sigma)).powi(2);
+    let rad = (place.rad + weight * (first + rest)) / (1.0 + weight);
+    let sigma_rad = CURVATURE_RAD / (1.0 + weight).sqrt();
+    let angles = moved(place.change, rad);
+    let fit = work_out(views, &angles, priors, &fitted.line, Spreads::SoughtFrom(fitted.hyper))?;
+    let mut found = now.found.clone();
+    found.push(Found { change: place.change, rad, sigma_rad, between: between(&tried, &place, best) });
+    Some(Turning { found, angles, fit })
+}
+
+/// The first and last place that are as good as the one chosen.
+fn between(tried: &[(f64, Tried)], chosen: &Tried, best: f64) -> [usize; 2] {
+    let Change::From(place) = chosen.change else { return [0, 0] };
+    let near = tried.iter().filter(|(evidence, t)| *evidence > best - AS_GOOD && t.rad * chosen.rad > 0.0);
+    near.fold([place, place], |[a, b], (_, t)| match t.change {
+        Change::From(k) => [a.min(k), b.max(k)],
+        Change::Step => [a, b],
+    })
+}
+
+fn work_out(views: &[Sample], angles: &[f64], priors: &Priors, line: &Line, spreads: Spreads) -> Option<Fit> {
+    fit(views, angles, priors, line, spreads, ROUNDS)
+}
+
+/// Mean radius of curvature of the convex slices between neighbouring directions, pixels: `[direction, height]`, in
+/// the order of the directions once round.
+///
+/// h = ∫ρ(s) sin(t − s) ds + a cos t + b sin t: with three directions the free terms cancel.
+fn curvatures(angles: &[f64], shape: &DMatrix<f64>) -> Vec<Vec<f64>> {
+    use std::f64::consts::{PI, TAU};
+    let t = angles.iter().map(|a| a + PI).chain(angles.iter().copied());
+    let mut order: Vec<(f64, usize)> = t.enumerate().map(|(i, t)| (t.rem_euclid(TAU), i)).collect();
+    order.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let m = shape.ncols();
+    let mut merged: Vec<(f64, Vec<f64>)> = Vec::new();
+    let join = |into: &mut (f64, Vec<f64>), t: f64, h: &[f64]| {
+        into.0 = 0.5 * (into.0 + t);
+        into.1.iter_mut().zip(h).for_each(|(a, b)| *a = 0.5 * (*a + b));
+    };
+    for (t, i) in order {
+        let h: Vec<f64> = shape.row(i).iter().copied().collect();
+        match merged.last_mut() {
+            Some(last) if t - last.0 < SAME_RAD => join(last, t, &h),
+            _ => merged.push((t, h)),
+        }
+    }
+    if merged.len() > 3
+        && merged[0].0 + TAU - merged[merged.len() - 1].0 < SAME_RAD
+        && let Some((t, h)) = merged.pop()
+    {
+        join(&mut merged[0], t - TAU, &h);
+    }
+    let n = merged.len();
+    (0..n)
+        .map(|i| {
+            let (before, at, after) = (&merged[(i + n - 1) % n], &merged[i], &merged[(i + 1) % n]);
+            let back = (at.0 - before.0).rem_euclid(TAU);
+            let ahead = (after.0 - at.0).rem_euclid(TAU);
+            let (a, b, c) = (ahead.sin(), back.sin(), (ahead + back).sin());
+            let weight = 4.0 * (0.5 * ahead).sin() * (0.5 * back).sin() * (0.5 * (ahead + back)).sin();
+            (0..m).map(|k| (before.1[k] * a + after.1[k] * b - at.1[k] * c) / weight).collect()
+        })
+        .collect()
+}
+
+/// Steps of the curvature from each direction to the next.
+fn steps(curvatures: &[Vec<f64>]) -> impl Iterator<Item = f64> + '_ {
+    let n = curvatures.len();
+    (0..n).flat_map(move |i| curvatures[i].iter().zip(&curvatures[(i + 1) % n]).map(|(a, b)| b - a))
+}
+
+fn ordinary_step(curvatures: &[Vec<f64>]) -> f64 {
+    let mut all: Vec<f64> = steps(curvatures).map(f64::abs).collect();
+    let middle = all.len() / 2;
+    if all.is_empty() {
+        1.0
+    } else {
+        ORDINARY * all.select_nth_unstable_by(middle, f64::total_cmp).1.max(1e-6)
+    }
+}
+
+fn cost(curvatures: &[Vec<f64>], ordinary: f64) -> f64 {
+    let jumps: f64 = steps(curvatures).map(|d| 0.5 * (d / ordinary).powi(2).ln_1p()).sum();
+    let negative: f64 = curvatures.iter().flatten().map(|r| (-r).max(0.0)).sum();
+    // For as many directions as a clean half turn has, however many have been joined.
+    (jumps + NEGATIVE * negative / ordinary) / curvatures.len() as f64 * DIRECTIONS
+}

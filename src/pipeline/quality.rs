@@ -1,0 +1,126 @@
+//! The quality of views on their way through the pipeline: each by itself, then all against each other; and the gate
+//! that an acquisition sends its pictures through.
+
+use super::reconstruct::Taken;
+use super::{Cameras, Observer, Pipeline, PipelineError, View};
+use crate::session::event::Happening;
+use crate::silhouette::{Check, Placed, Traits, Verdict, ViewQuality, against, between};
+
+/// Sentences about single views in a result, at most; the views' own checks have them all.
+const MOST_WARNINGS: usize = 12;
+
+/// The views with their figures and, before a turntable, their angles.
+fn placed<'a>(cameras: &Cameras, taken: &'a [Taken]) -> Vec<(usize, Placed<'a>)> {
+    let turns = matches!(cameras, Cameras::Turntable(_));
+    (taken.iter().enumerate())
+        .filter_map(|(k, t)| {
+            let angle_deg = turns.then(|| t.angle.deg());
+            Some((k, Placed { index: t.index, angle_deg, traits: t.traits.as_ref()? }))
+        })
+        .collect()
+}
+
+/// Judges all views against each other and adds what comes out to each one's quality; tells of each view that does
+/// not fit, and returns what the result should say.
+pub(super) fn compare(cameras: &Cameras, taken: &mut [Taken], observer: &Observer) -> Vec<String> {
+    let (places, views): (Vec<usize>, Vec<Placed>) = placed(cameras, taken).into_iter().unzip();
+    let checks = between(&views);
+    for (k, checks) in places.into_iter().zip(checks) {
+        let view = &mut taken[k];
+        let Some(quality) = &mut view.quality else { continue };
+        let warnings: Vec<String> =
+            checks.iter().filter(|c| c.verdict != Verdict::Good).map(Check::told).collect();
+        quality.add(checks);
+        if !warnings.is_empty() {
+            observer(Happening::Judged { view: view.index, verdict: quality.verdict, warnings });
+        }
+    }
+    let mut told: Vec<String> = (taken.iter())
+        .flat_map(|t| {
+            let warnings = t.quality.iter().flat_map(ViewQuality::warnings);
+            warnings.map(|w| format!("view {}: {w}", t.index)).collect::<Vec<_>>()
+        })
+        .collect();
+    let more = told.len().saturating_sub(MOST_WARNINGS);
+    if more > 0 {
+        told.truncate(MOST_WARNINGS);
+        told.push(format!("and {more} more about single views: see each view's quality.checks"));
+    }
+    told
+}
+
+/// Looks at pictures as they come from the camera and says which must be taken again.
+///
+/// What it works out (decoded, cut out) is kept for the pipeline, so that nothing is computed twice.
+pub struct Gate<'a> {
+    pipeline: &'a Pipeline,
+    /// Views that have passed: index, angle in degrees, figures.
+    passed: Vec<(usize, f64, Traits)>,
+    ready: Option<Taken>,
+}
+
+impl<'a> Gate<'a> {
+    /// A gate before a pipeline; nothing has passed it yet.
+    pub fn new(pipeline: &'a Pipeline) -> Self {
+        Self { pipeline, passed: Vec::new(), ready: None }
+    }
+
+    /// Looks at a picture that is not kept yet.
+    ///
+    /// # Errors
+    /// Why it must be taken again, with value, unit, limit and remedy: no grain is found, or a check is bad.
+    pub fn examine(&mut self, view: &View) -> Result<(), String> {
+        self.ready = None;
+        let taken = self.pipeline.cut_out(view).map_err(|error| cause(&error))?;
+        let turns = matches!(self.pipeline.cameras, Cameras::Turntable(_));
+        let angle = |deg: f64| turns.then_some(deg);
+        let earlier: Vec<Placed> = (self.passed.iter())
+            .map(|(index, deg, traits)| Placed { index: *index, angle_deg: angle(*deg), traits })
+            .collect();
+        let own = taken.quality.iter().flat_map(|q| q.checks.iter().cloned());
+        let beside = taken.traits.iter().flat_map(|traits| {
+            let here = Placed { index: view.index, angle_deg: angle(view.angle.deg()), traits };
+            against(&earlier, &here)
+        });
+        let bad: Vec<String> =
+            own.chain(beside).filter(|c| c.verdict == Verdict::Bad).map(|c| c.told()).collect();
+        if !bad.is_empty() {
+            return Err(bad.join("; "));
+        }
+        self.ready = Some(taken);
+        Ok(())
+    }
+
+    /// The picture of this view is kept: later ones are compared with it. Returns the view for the pipeline, with
+    /// what [`Gate::examine`] worked out about it.
+    pub fn pass(&mut self, mut view: View) -> View {
+        let ready = self.ready.take().filter(|t| t.index == view.index);
+        if let Some(taken) = ready {
+            self.passed.extend(taken.traits.clone().map(|t| (view.index, view.angle.deg(), t)));
+            view.cut_out = Some(Box::new(taken));
+        }
+        view
+    }
+
+    /// Lets a picture through that an earlier run has kept, whatever it is like.
+    pub fn pass_recorded(&mut self, mut view: View) -> View {
+        // What is wrong with it the pipeline says.
+        if let Ok(taken) = self.pipeline.cut_out(&view) {
+            self.passed.extend(taken.traits.clone().map(|t| (view.index, view.angle.deg(), t)));
+            view.cut_out = Some(Box::new(taken));
+        }
+        view
+    }
+}
+
+/// An error of the pipeline without the view's name, which whoever reads it knows.
+fn cause(error: &PipelineError) -> String {
+    match error {
+        PipelineError::Silhouette { source, .. } => source.to_string(),
+        PipelineError::CutByBorder { view, .. } | PipelineError::Decode { view, .. } => {
+            let text = error.to_string();
+            text.strip_prefix(&format!("view {view}: ")).map_or(text.clone(), str::to_owned)
+        }
+        other => other.to_string(),
+    }
+}

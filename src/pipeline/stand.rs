@@ -1,0 +1,113 @@
+//! All views are cut at the pedestal that they show together.
+
+use super::{Cameras, PipelineError, Taken};
+use crate::geometry::Point;
+use crate::session::event::Role;
+use crate::silhouette::{PedestalSeen, Side, Stand, joint_stand};
+use serde::Serialize;
+use std::sync::Arc;
+
+/// Above the pedestal's top its blurred light mixes with the grain's up to this many standard deviations of the blur.
+const MIXED: f64 = 2.5;
+/// The least height of the part in which they mix, pixels: a pixel's own width blurs too.
+const LEAST_MIXED_PX: f64 = 2.0;
+
+/// Where the grain stands on the pedestal: the lowest part of the hull, in which no view sees the outline unmixed. What
+/// of the grain sits below the top no view sees at all; it is in neither the hull nor these figures.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ContactPatch {
+    /// Area of the hull's cross-section at the upper end of that part, mm².
+    pub area_mm2: f64,
+    /// Its height above the pedestal's top: 2.5 standard deviations of the lens's blur, two pixels at
+    /// least, mm.
+    pub height_mm: f64,
+    /// Its volume over the hull's: `∮ min(z, height) n_z dA` over `∮ z n_z dA`.
+    pub volume_share: f64,
+}
+
+/// The contact patch of a hull's surface, whose triangles are counter-clockwise seen from outside, in mm.
+pub(super) fn contact_patch(stand: &Stand, mm_per_px: f64, surface: &[[Point; 3]]) -> ContactPatch {
+    let height_mm = (MIXED * stand.blur_px.value).max(LEAST_MIXED_PX) * mm_per_px;
+    let (mut area_mm2, mut low, mut all) = (0.0, 0.0, 0.0);
+    for [a, b, c] in surface {
+        let upwards = 0.5 * (b - a).cross(&(c - a)).z;
+        let z = (a.z + b.z + c.z) / 3.0;
+        area_mm2 += if z > height_mm { upwards } else { 0.0 };
+        low += z.min(height_mm) * upwards;
+        all += z * upwards;
+    }
+    // The hull may begin a little below the top: what is there counts as low.
+    ContactPatch { area_mm2, height_mm, volume_share: low / all }
+}
+
+/// Finds the pedestal from all views and cuts each at its top. Views with cameras of their own stay as they are, and
+/// so do all where too few show a pedestal. The pedestal, and what a person should know.
+///
+/// # Errors
+/// [`PipelineError::CutByBorder`] where a grain still reaches the picture's lower border.
+pub(super) fn recut(
+    cameras: &Cameras,
+    taken: &mut [Taken],
+) -> Result<(Option<Stand>, Vec<String>), PipelineError> {
+    if !matches!(cameras, Cameras::Turntable(_)) {
+        return Ok((None, Vec::new()));
+    }
+    let seen: Vec<Option<PedestalSeen>> = taken.iter().map(|t| t.found.report.pedestal).collect();
+    let stand = joint_stand(&seen);
+    let mut warnings = Vec::new();
+    if let Some(stand) = &stand {
+        for one in taken.iter_mut() {
+            let joint = stand.seen_by(one.found.report.pedestal);
+            if one.found.recut(joint) {
+                one.silhouette = Arc::new(one.found.silhouette.clone());
+            }
+        }
+        for (places, what) in [
+            (&stand.disagree, "shows another pedestal than"),
+            (&stand.unseen, "does not show the pedestal as"),
+        ] {
+            warnings.extend(places.iter().map(|&k| {
+                format!(
+                    "view {} {what} the other views do: it is cut at their pedestal's top (row {:.1})",
+                    taken[k].index, stand.top_row_px.value
+                )
+            }));
+        }
+    }
+    let cut = taken.iter().find(|t| t.role == Role::Grain && t.found.report.touches_border[3]);
+    match cut {
+        Some(t) => Err(PipelineError::CutByBorder { view: t.index, side: Side::Bottom.name() }),
+        None => Ok((stand, warnings)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::silhouette::Joint;
+
+    #[test]
+    fn a_box_has_its_foot_in_its_contact_patch() {
+        let figure = |value| Joint { value, sd: 0.0 };
+        let stand = Stand {
+            top_row_px: figure(100.0),
+            top_slope: figure(0.0),
+            centre_column_px: figure(50.0),
+            half_width_px: figure(20.0),
+            blur_px: figure(1.0),
+            views: 3,
+            disagree: Vec::new(),
+            unseen: Vec::new(),
+            own: Vec::new(),
+        };
+        // Two by three, four high; only what faces up or down counts.
+        let corner = |x: f64, y: f64, z: f64| Point::new(x, y, z);
+        let face =
+            |z: f64| [corner(0.0, 0.0, z), corner(2.0, 0.0, z), corner(2.0, 3.0, z), corner(0.0, 3.0, z)];
+        let ([a, b, c, d], [e, f, g, h]) = (face(0.0), face(4.0));
+        let surface = [[a, c, b], [a, d, c], [e, f, g], [e, g, h]];
+        let patch = contact_patch(&stand, 0.16, &surface);
+        assert!((patch.height_mm - 0.4).abs() < 1e-12 && (patch.area_mm2 - 6.0).abs() < 1e-12, "{patch:?}");
+        assert!((patch.volume_share - 0.1).abs() < 1e-12, "{patch:?}");
+    }
+}

@@ -1,0 +1,13 @@
+//! Pictures for a person's eye: outlines drawn over the photographs, and sheets of figures.
+//!
+//! The same input gives the same bytes, on any computer: letters come with the program, not from its fonts
+//! (Noto Sans Mono, SIL Open Font License, drawn beforehand).
+
+mod bitmap;
+mod canvas;
+mod outline;
+mod sheet;
+mod svg;
+
+pub use outline::{Marks, Shot};
+pub use sheet::{Mark, Panel, Point, Series, Sheet};

@@ -1,0 +1,289 @@
+//! Whether a picture is good enough to carve with: figures, their limits, and what to do where one is broken.
+//!
+//! This file judges one picture by itself; [`super::neighbours`] judges it against the pictures beside it.
+
+use super::edge::{self, Edge, Part};
+use super::{Found, Polarity, Side, Source};
+use serde::{Deserialize, Serialize};
+
+/// A blur of this share of the grain's diameter is doubtful, of the other bad. Half-way levels place a blurred
+/// outline of radius R about σ²/2R too far inside, and round corners off to a radius of σ: at 2.5 % the radius is
+/// 0.13 % and the volume 0.4 % too small, at 5 % the volume is 1.5 % too small.
+const BLUR_SHARE: [f64; 2] = [0.025, 0.05];
+/// The softest direction may be softer than the sharpest by this many pixels; video cards and colour sampling do
+/// as much without any motion.
+const MOTION_PX: [f64; 2] = [1.5, 3.0];
+/// And by this share of the sharpest direction's blur: a lens is not equally sharp in all directions.
+const MOTION_OF_BLUR: [f64; 2] = [0.5, 1.0];
+/// And by this share of the grain's diameter: below it the volume does not feel it, by the formula above.
+const MOTION_SHARE: [f64; 2] = [0.0125, 0.025];
+/// More full pixels than this on the lit side of the outline: the true level there is not known, and the outline
+/// lies where the half of a lower level is.
+const FULL_SHARE: f64 = 0.5;
+/// Contrast over noise. Outlines are placed on means of about a dozen pixels a side: at 6 the outline of each
+/// pixel wavers by a quarter of the blur; a threshold at 6 standard deviations needs as much to be clear.
+const CONTRAST_OF_NOISE: [f64; 2] = [10.0, 6.0];
+
+/// How good a view is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// Nothing is wrong with it.
+    Good,
+    /// Usable, but a person should look at it.
+    Doubtful,
+    /// It should be taken again.
+    Bad,
+}
+
+/// On which side of its limit a figure is good.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Bound {
+    /// Good at the limit and below.
+    AtMost,
+    /// Good at the limit and above.
+    AtLeast,
+}
+
+/// One figure of a view and what it means.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Check {
+    /// What was looked at: `focus`, `motion`, `clipping`, `border`, `contrast`; against other views
+    /// `duplicate`, `focus_change`, `clipping_change`, `exposure`, `area`, `height`, `left`, `right`.
+    pub name: &'static str,
+    /// The figure.
+    pub value: f64,
+    /// Its unit.
+    pub unit: &'static str,
+    /// On which side of the limit it is good.
+    pub bound: Bound,
+    /// The limit that it breaks; where it breaks none, the one beyond which it is doubtful.
+    pub limit: f64,
+    /// What follows.
+    pub verdict: Verdict,
+    /// What is the matter and what to do about it; absent where nothing is.
+    pub remedy: Option<String>,
+}
+
+impl Check {
+    /// A figure that should be at most the first limit, and is bad beyond the second.
+    pub(super) fn at_most(name: &'static str, value: f64, unit: &'static str, limits: [f64; 2]) -> Self {
+        let verdict = match value {
+            v if v > limits[1] => Verdict::Bad,
+            v if v > limits[0] => Verdict::Doubtful,
+            _ => Verdict::Good,
+        };
+        let limit = if verdict == Verdict::Bad { limits[1] } else { limits[0] };
+        Self { name, value, unit, bound: Bound::AtMost, limit, verdict, remedy: None }
+    }
+
+    /// The same check with what to do where it is not good.
+    pub(super) fn or(mut self, remedy: impl FnOnce() -> String) -> Self {
+        self.remedy = (self.verdict != Verdict::Good).then(remedy);
+        self
+    }
+
+    /// The check in a sentence: name, value, unit, limit, remedy.
+    pub fn told(&self) -> String {
+        let round = |v: f64| {
+            let digits = if v.abs() >= 100.0 || v.fract() == 0.0 { 0 } else { 2 };
+            format!("{v:.digits$}")
+        };
+        let bound = match self.bound {
+            Bound::AtMost => "the limit is",
+            Bound::AtLeast => "it must be at least",
+        };
+        let (name, unit) = (self.name.replace('_', " "), self.unit);
+        let remedy = self.remedy.as_ref().map_or_else(String::new, |r| format!("; {r}"));
+        format!("{name} is {} {unit}, {bound} {} {unit}{remedy}", round(self.value), round(self.limit))
+    }
+}
+
+/// What was found out about a view's quality.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ViewQuality {
+    /// The worst of the checks' verdicts.
+    pub verdict: Verdict,
+    /// Every check that could be made.
+    pub checks: Vec<Check>,
+}
+
+impl ViewQuality {
+    /// The quality that follows from checks.
+    pub fn of(checks: Vec<Check>) -> Self {
+        let verdict = checks.iter().map(|c| c.verdict).max().unwrap_or(Verdict::Good);
+        Self { verdict, checks }
+    }
+
+    /// Takes in more checks.
+    pub fn add(&mut self, checks: impl IntoIterator<Item = Check>) {
+        for check in checks {
+            self.verdict = self.verdict.max(check.verdict);
+            self.checks.push(check);
+        }
+    }
+
+    /// What a person should know: value, unit, limit and remedy of each check that is not good.
+    pub fn warnings(&self) -> Vec<String> {
+        self.checks.iter().filter(|c| c.verdict != Verdict::Good).map(Check::told).collect()
+    }
+}
+
+/// Figures of a view that are compared with those of the views beside it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Traits {
+    /// Blur of the outline's softest direction, pixels (standard deviation).
+    pub blur_px: f64,
+    /// Share of full pixels on the lit side of the outline.
+    pub full_share: f64,
+    /// Level of the background beside the outline, grey levels of the channel.
+    pub background: f64,
+    /// Mean distance of the grain from the background, grey levels.
+    pub contrast: f64,
+    /// Noise of single pixels beside the outline, grey levels.
+    pub noise: f64,
+    /// Area between each row's first and last column of the silhouette, square pixels.
+    pub filled_px: f64,
+    /// Least and greatest column of the outline, pixels.
+    pub columns: [f64; 2],
+    /// Its least row, pixels.
+    pub top: f64,
+    /// Rows that it spans, pixels.
+    pub height: f64,
+    /// A number of the pixels around the silhouette: the same only for the same pixels.
+    pub pixels: u64,
+}
+
+/// Judges a picture by itself; also its figures for [`between`](super::between()). Reads only the pixels within a few
+/// dozen of the outline.
+pub fn assess(picture: &dyn Source, found: &Found) -> (ViewQuality, Traits) {
+    let part = Part::of(picture, found);
+    let edge = edge::measure(&part, found);
+    let report = &found.report;
+    let diameter_px = (4.0 * report.area_px / std::f64::consts::PI).sqrt().max(1.0);
+    let mut checks = vec![focus(&edge, diameter_px)];
+    checks.extend(motion(&edge, diameter_px));
+    checks.push(clipping(&edge, report.polarity));
+    checks.push(border(report.touches_border));
+    checks.push(contrast(report.contrast, report.noise));
+    let s = &found.silhouette;
+    let extents = s.extents_px();
+    let spans = || extents.iter().flatten();
+    let first = extents.iter().position(Option::is_some).unwrap_or(0);
+    let last = extents.iter().rposition(Option::is_some).unwrap_or(0);
+    // The deepest pixel of the first row lies as far below the outline's top as its distance says.
+    let line = &s.distance_px[first * s.size[0]..(first + 1) * s.size[0]];
+    let depth = f64::from(line.iter().copied().fold(0.0, f32::min));
+    let traits = Traits {
+        blur_px: edge.softest_px.map_or(edge.blur_px, |[softest, _]| softest),
+        full_share: edge.full_share,
+        background: edge.background,
+        contrast: report.contrast,
+        noise: edge.noise,
+        filled_px: spans().map(|[left, right]| right - left).sum(),
+        columns: [
+            spans().map(|e| e[0]).fold(f64::INFINITY, f64::min),
+            spans().map(|e| e[1]).fold(f64::NEG_INFINITY, f64::max),
+        ],
+        top: (s.origin[1] + first) as f64 + depth,
+        height: (last + 1 - first) as f64,
+        pixels: fingerprint(&part, found),
+    };
+    (ViewQuality::of(checks), traits)
+}
+
+fn focus(edge: &Edge, diameter_px: f64) -> Check {
+    Check::at_most("focus", edge.blur_px, "px", BLUR_SHARE.map(|share| share * diameter_px)).or(|| {
+        format!(
+            "the outline is soft over {:.1} % of the grain's {diameter_px:.0} px: focus the lens on the rotation axis, or \
+             close the aperture",
+            100.0 * edge.blur_px / diameter_px
+        )
+    })
+}
+
+fn motion(edge: &Edge, diameter_px: f64) -> Option<Check> {
+    let [softest, sharpest] = edge.softest_px?;
+    let limits =
+        [0, 1].map(|k| MOTION_PX[k].max(MOTION_OF_BLUR[k] * sharpest).max(MOTION_SHARE[k] * diameter_px));
+    Some(Check::at_most("motion", softest - sharpest, "px", limits).or(|| {
+        format!(
+            "the outline is softer along {:.0}° from the horizontal ({softest:.1} px) than across it \
+             ({sharpest:.1} px), as by a shake: let the stage settle longer, expose shorter, or fasten the camera",
+            edge.softest_deg.round() % 180.0
+        )
+    }))
+}
+
+fn clipping(edge: &Edge, polarity: Polarity) -> Check {
+    // By itself never bad: a background that is wholly white is what some laboratories want.
+    let limits = [100.0 * FULL_SHARE, 100.0];
+    let lit = if polarity == Polarity::DarkBackground { "grain" } else { "background" };
+    Check::at_most("clipping", 100.0 * edge.full_share, "%", limits).or(|| {
+        format!(
+            "so much of the {lit} beside the outline is full (level 252 and above), where no half-way level can be \
+             told: expose shorter, or dim the lamp"
+        )
+    })
+}
+
+fn border(touches: [bool; 4]) -> Check {
+    let sides: Vec<&str> = Side::ALL.iter().zip(touches).filter(|s| s.1).map(|s| s.0.name()).collect();
+    // By itself never bad: pictures with a camera each may show a part. Before a turntable the pipeline refuses it.
+    Check::at_most("border", sides.len() as f64, "sides", [0.0, 4.0]).or(|| {
+        format!(
+            "the grain reaches the {} end of the picture, and what lies beyond is missing: move the camera or the grain, \
+             or take away what hangs into the picture",
+            sides.join(" and the ")
+        )
+    })
+}
+
+fn contrast(contrast: f64, noise: f64) -> Check {
+    let value = contrast / noise.max(0.1);
+    let verdict = match value {
+        v if v < CONTRAST_OF_NOISE[1] => Verdict::Bad,
+        v if v < CONTRAST_OF_NOISE[0] => Verdict::Doubtful,
+        _ => Verdict::Good,
+    };
+    let limit = CONTRAST_OF_NOISE[usize::from(verdict == Verdict::Bad)];
+    let check = Check {
+        name: "contrast",
+        value,
+        unit: "× noise",
+        bound: Bound::AtLeast,
+        limit,
+        verdict,
+        remedy: None,
+    };
+    check.or(|| {
+        format!(
+            "the grain stands only {contrast:.1} grey levels off the background, whose noise is {noise:.1}: more light \
+             would make the outline surer"
+        )
+    })
+}
+
+/// A number of the pixels in the silhouette's rectangle and of where it lies (FNV-1a's steps on eight bytes at a
+/// time): two pictures with the same number show the same pixels.
+fn fingerprint(part: &Part, found: &Found) -> u64 {
+    const PRIME: u64 = 0x0000_0100_0000_01b3;
+    let s = &found.silhouette;
+    let mut sum = 0xcbf2_9ce4_8422_2325_u64;
+    let mut mix = |word: u64| {
+        sum = (sum ^ word).wrapping_mul(PRIME);
+        sum ^= sum >> 29;
+    };
+    for v in s.origin.iter().chain(&s.size) {
+        mix(*v as u64);
+    }
+    for y in s.origin[1]..s.origin[1] + s.size[1] {
+        for word in part.row(y, &(s.origin[0]..s.origin[0] + s.size[0])).chunks(8) {
+            let mut bytes = [0; 8];
+            bytes[..word.len()].copy_from_slice(word);
+            mix(u64::from_le_bytes(bytes));
+        }
+    }
+    sum
+}

@@ -1,0 +1,164 @@
+//! Random simulated rigs: photographs through the real encoder, decoder and silhouettes.
+
+use grainrig::calibrate::{Axis, Calibration, Known, Measured, SeenView, Upright, calibrate};
+use grainrig::geometry::Angle;
+use grainrig::pipeline::decode;
+use grainrig::rig::simulated::{Faults, Settings, Slip, Truth, open};
+use grainrig::rig::{Camera as _, RotationStage as _};
+use grainrig::silhouette::{self, Found, PedestalSeen, joint_stand};
+use rayon::prelude::*;
+use std::path::PathBuf;
+
+/// Numbers evenly spread from 0 to 1 that follow from a seed (splitmix64).
+pub struct Draw(u64);
+
+impl Draw {
+    pub fn new(seed: u64) -> Self {
+        Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x5851_f42d_4c95_7f2d)
+    }
+
+    pub fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.next()
+    }
+
+    pub fn pick<T: Clone>(&mut self, of: &[T]) -> T {
+        of[(self.next() * of.len() as f64) as usize].clone()
+    }
+}
+
+/// Views of half a turn; one more closes it.
+pub const VIEWS: usize = 25;
+
+/// What goes wrong while the grain turns.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Wrong {
+    Nothing,
+    Slip(usize, f64),
+    LostStep(usize),
+    StepRatio(f64),
+}
+
+/// A rig anywhere within the limits that the laboratory's own would keep.
+pub fn random(seed: u64, wrong: Wrong) -> Settings {
+    let mut draw = Draw::new(seed);
+    let folder = PathBuf::from("../shared/data/grains");
+    let shapes = [
+        "sand_ma107_00002",
+        "sand_ma107_00107",
+        "gravel_az_00002",
+        "ct_cement140_02210",
+        "ct_ma160_00357",
+        "ct_ma160_00593",
+        "ct_ma160_02444",
+        "lsdem_sand",
+    ]
+    .map(|name| Some(folder.join(format!("{name}.stl"))));
+    let shape = if draw.next() < 0.6 && folder.exists() { draw.pick(&shapes) } else { None };
+    let mut settings = Settings {
+        seed,
+        grain_stl: shape,
+        grain_size_mm: 0.9,
+        eccentricity_mm: [draw.between(-0.05, 0.05), draw.between(-0.05, 0.05)],
+        width: 840,
+        height: 760,
+        mm_per_px: draw.between(0.0033, 0.0045),
+        camera_distance_mm: draw.pick(&[None, Some(60.0), Some(90.0), Some(150.0), Some(300.0)]),
+        axis_offset_px: draw.between(-40.0, 40.0),
+        roll_deg: draw.between(-2.0, 2.0),
+        wobble_px: draw.between(0.0, 2.0),
+        blur_px: draw.between(0.5, 3.0),
+        noise_sd: draw.between(0.0, 4.0),
+        bright_background: draw.next() < 0.5,
+        ..Settings::default()
+    };
+    match wrong {
+        Wrong::Nothing => {}
+        Wrong::Slip(at, deg) => {
+            settings.faults = Faults { slip: Some(Slip { at, deg }), ..Faults::default() }
+        }
+        Wrong::LostStep(at) => settings.faults = Faults { lost_step_at: Some(at), ..Faults::default() },
+        Wrong::StepRatio(ratio) => settings.step_ratio = ratio,
+    }
+    settings
+}
+
+/// A session: all views, and the truth behind them.
+pub struct Captured {
+    pub angles: Vec<Angle>,
+    pub found: Vec<Found>,
+    /// The pedestal as each view saw it by itself.
+    pub own: Vec<Option<PedestalSeen>>,
+    pub truth: Truth,
+}
+
+/// Turns and photographs; `None` where the body does not fit the picture or a silhouette cannot be found.
+pub fn capture(settings: &Settings) -> Result<Captured, String> {
+    let (mut stage, mut camera, truth) = open(settings).map_err(|e| e.to_string())?;
+    stage.home().map_err(|e| e.to_string())?;
+    let mut angles = Vec::new();
+    let mut pictures = Vec::new();
+    for view in 0..=VIEWS {
+        let angle = Angle::from_deg(7.2 * view as f64);
+        if view > 0 {
+            stage.move_to(angle).map_err(|e| e.to_string())?;
+        }
+        pictures.push(camera.capture().map_err(|e| e.to_string())?.bytes);
+        angles.push(angle);
+    }
+    let mut found: Vec<Found> = (pictures.par_iter())
+        .map(|bytes| {
+            let picture = decode(bytes)?;
+            silhouette::find(&picture, None, &silhouette::Settings::default()).map_err(|e| e.to_string())
+        })
+        .collect::<Result<_, String>>()?;
+    // As in the pipeline: every view is cut where all of them show the pedestal's top.
+    let seen: Vec<Option<PedestalSeen>> = found.iter().map(|f| f.report.pedestal).collect();
+    if let Some(stand) = joint_stand(&seen) {
+        for f in &mut found {
+            f.recut(stand.seen_by(f.report.pedestal));
+        }
+    }
+    Ok(Captured { angles, found, own: seen, truth: truth.truth() })
+}
+
+/// What nobody told the program: only the scale.
+pub fn known(captured: &Captured) -> Known {
+    let tops: Vec<f64> = captured.found.iter().filter_map(|f| f.report.pedestal.map(|p| p.top_row)).collect();
+    let origin = if tops.is_empty() {
+        captured.truth.camera.axis_row_px
+    } else {
+        tops.iter().sum::<f64>() / tops.len() as f64
+    };
+    Known {
+        mm_per_px: Measured::given(captured.truth.settings.mm_per_px, None),
+        origin_row_px: origin,
+        camera_distance_mm: None,
+        axis_column_px: None,
+        roll_deg: None,
+        clockwise: false,
+        full_step_deg: 0.9,
+        refine: true,
+    }
+}
+
+/// The calibration of a captured session.
+pub fn calibrated(captured: &Captured, known: &Known) -> (Calibration, Axis) {
+    let views: Vec<SeenView> = (captured.found.iter().enumerate())
+        .map(|(index, f)| SeenView {
+            index,
+            angle: captured.angles[index],
+            silhouette: &f.silhouette,
+            pedestal: captured.own[index]
+                .map(|p| Upright { top_px: [p.centre_column, p.top_row], lean_rad: -p.top_slope.atan() }),
+        })
+        .collect();
+    calibrate(&views, known).expect("a closing view shows the axis")
+}
