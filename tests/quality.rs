@@ -5,7 +5,7 @@ use grainrig::pipeline::decode;
 use grainrig::rig::simulated::{self, Faults, Settings};
 use grainrig::rig::{Camera as _, RotationStage as _};
 use grainrig::silhouette::{
-    self, Check, Picture, Placed, Traits, Verdict, ViewQuality, against, assess, between,
+    self, Check, Picture, Placed, Source, Traits, Verdict, ViewQuality, against, assess, between,
 };
 use std::path::{Path, PathBuf};
 
@@ -17,7 +17,9 @@ struct Seen {
 }
 
 fn seen(picture: &Picture, background: Option<&Picture>, angle_deg: Option<f64>) -> Seen {
-    let found = silhouette::find(picture, background, &silhouette::Settings::default()).unwrap();
+    let found =
+        silhouette::find(picture, background.map(|b| b as &dyn Source), &silhouette::Settings::default())
+            .unwrap();
     let (quality, traits) = assess(picture, &found);
     Seen { angle_deg, quality, traits }
 }

@@ -3,7 +3,7 @@
 
 use grainrig::export::stl;
 use grainrig::pipeline::decode;
-use grainrig::silhouette::{Found, Picture, Settings, find};
+use grainrig::silhouette::{Found, Picture, Settings, Source, find};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -196,7 +196,8 @@ fn rendered_silhouettes_cover_what_the_grain_covers() {
     for (what, background) in [("without a background", None), ("with a background", Some(&empty))] {
         let all: Vec<Comparison> = (pictures.iter().zip(&coverages))
             .map(|(picture, coverage)| {
-                let found = find(picture, background, &Settings::default()).unwrap();
+                let found =
+                    find(picture, background.map(|b| b as &dyn Source), &Settings::default()).unwrap();
                 let c = compare(coverage, &truth.camera, &found);
                 println!("IoU {:.5}, area {:+.3} %", c.iou, 100.0 * c.area);
                 c

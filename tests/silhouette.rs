@@ -1,7 +1,7 @@
 //! Silhouettes of pictures whose outline is known.
 
 use grainrig::silhouette::{
-    Channel, Found, Holes, PedestalMode, Picture, Polarity, Settings, SilhouetteError, find,
+    Channel, Found, Holes, PedestalMode, Picture, Polarity, Settings, SilhouetteError, Source, find,
 };
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -368,7 +368,7 @@ proptest! {
         };
         let empty = picture(seed ^ 0x5555);
         for background in [None, Some(&empty)] {
-            if let Ok(found) = find(&picture(seed), background, &settings) {
+            if let Ok(found) = find(&picture(seed), background.map(|b| b as &dyn Source), &settings) {
                 prop_assert!(found.silhouette.distance_px.iter().all(|d| d.is_finite()));
                 prop_assert!(found.report.area_px <= (width * height) as f64);
                 prop_assert!(found.silhouette.origin[0] + found.silhouette.size[0] <= width);

@@ -6,7 +6,7 @@ use crate::acquire::{self, Control, Earlier, FrameSink, Outcome, QualityMode, Sy
 use crate::config::Config;
 use crate::geometry::Angle;
 use crate::pipeline::{
-    Cameras, MeshSettings, OUTLINE, Pipeline, PipelineError, Reconstruction, View, decode,
+    Cameras, MeshSettings, OUTLINE, Photograph, Pipeline, PipelineError, Reconstruction, View,
 };
 use crate::rig::Frame;
 use crate::session::event::{Event, Happening};
@@ -36,7 +36,7 @@ pub(super) fn computation(recording: &Recording) -> Result<(Config, Pipeline), D
         Some(archived) => {
             let bytes = recording.background()?.map(|f| f.bytes).unwrap_or_default();
             let reason = |reason| DaemonError::Background { file: archived.file.clone(), reason };
-            Some(decode(&bytes).map_err(reason)?)
+            Some(Photograph::open(&bytes).map_err(reason)?)
         }
     };
     let pipeline = Pipeline {

@@ -6,7 +6,7 @@ use crate::calibrate::{Gauge, ScaleError, Sighting, fit_disc, fit_sides, pixel_s
 use crate::geometry::Angle;
 use crate::pipeline::{PipelineError, decode};
 use crate::session::import::{SourceImage, photographs};
-use crate::silhouette::{self, Found, PedestalMode, Picture, Side};
+use crate::silhouette::{self, Found, PedestalMode, Picture, Side, Source};
 use std::path::PathBuf;
 
 /// How far all outlines may lie to one side of the true edge, as a share of their blur's standard deviation. Half-way
@@ -137,7 +137,8 @@ impl ScaleRequest {
     ) -> Result<(Sighting, PictureScale, Vec<String>), DaemonError> {
         let fail = |reason: String| DaemonError::Body { file: image.name.clone(), reason };
         let picture = picture(image)?;
-        let (found, cut_below) = self.silhouette(&picture, background).map_err(fail)?;
+        let (found, cut_below) =
+            self.silhouette(&picture, background.map(|b| b as &dyn Source)).map_err(fail)?;
         let borders = Side::ALL.iter().zip(found.report.touches_border);
         if let Some((side, _)) = borders.clone().find(|(s, t)| *t && !(cut_below && **s == Side::Bottom)) {
             return Err(fail(format!(
@@ -193,7 +194,11 @@ impl ScaleRequest {
 
     /// The body's silhouette, and whether it may go on below the picture: a pin that stands in a chuck looks like a
     /// pedestal and is kept whole.
-    fn silhouette(&self, picture: &Picture, background: Option<&Picture>) -> Result<(Found, bool), String> {
+    fn silhouette(
+        &self,
+        picture: &Picture,
+        background: Option<&dyn Source>,
+    ) -> Result<(Found, bool), String> {
         let first = silhouette::find(picture, background, &self.silhouette);
         if self.body == BodyKind::Ball {
             return first.map(|f| (f, false)).map_err(|e| e.to_string());

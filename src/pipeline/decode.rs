@@ -1,9 +1,76 @@
-//! From the camera's bytes to pixels.
+//! From the camera's bytes to pixels: all of them, or those that are looked at.
 
+use super::jpeg::Jpeg;
 use crate::rig::Encoding;
-use crate::silhouette::Picture;
+use crate::silhouette::{Grid, Picture, SilhouetteError, Source};
 use image::{ImageFormat, ImageReader, Limits};
+use std::borrow::Cow;
 use std::io::Cursor;
+use std::ops::Range;
+
+/// A photograph in which the grain can be looked for: large JPEGs as cameras write them stay as they are and are
+/// decoded where they are looked at, all others are decoded already.
+#[derive(Debug, Clone)]
+pub enum Photograph {
+    /// Looked through once.
+    Jpeg(Jpeg),
+    /// Decoded.
+    Pixels(Picture),
+}
+
+impl Photograph {
+    /// Takes a file in.
+    ///
+    /// # Errors
+    /// As [`decode`].
+    pub fn open(bytes: &[u8]) -> Result<Self, String> {
+        // A file that is in any way unusual, or damaged, is the general decoder's to judge.
+        if Encoding::sniff(bytes) == Some(Encoding::Jpeg)
+            && is_ended(bytes)
+            && let Some(jpeg) = Jpeg::read(bytes)
+        {
+            return Ok(Self::Jpeg(jpeg));
+        }
+        decode(bytes).map(Self::Pixels)
+    }
+
+    fn source(&self) -> &dyn Source {
+        match self {
+            Self::Jpeg(jpeg) => jpeg,
+            Self::Pixels(picture) => picture,
+        }
+    }
+}
+
+impl Source for Photograph {
+    fn shape(&self) -> [usize; 3] {
+        self.source().shape()
+    }
+
+    fn at_hand(&self) -> Option<&Picture> {
+        self.source().at_hand()
+    }
+
+    fn pixels(&self) -> Result<Cow<'_, Picture>, SilhouetteError> {
+        self.source().pixels()
+    }
+
+    fn grid(&self, columns: &Range<usize>, rows: &Range<usize>) -> Grid {
+        self.source().grid(columns, rows)
+    }
+
+    fn cells(&self, grid: &Grid) -> Result<Vec<Vec<f32>>, SilhouetteError> {
+        self.source().cells(grid)
+    }
+
+    fn weighted(&self, columns: &Range<usize>, rows: &Range<usize>, weights: [i16; 3]) -> Vec<i16> {
+        self.source().weighted(columns, rows, weights)
+    }
+
+    fn part(&self, columns: &Range<usize>, rows: &Range<usize>) -> Vec<u8> {
+        self.source().part(columns, rows)
+    }
+}
 
 /// No camera in view has more than this many bytes of pixels; a header that claims more is a lie.
 const MOST_BYTES: u64 = 1 << 30;
@@ -19,8 +86,7 @@ pub fn decode(bytes: &[u8]) -> Result<Picture, String> {
     let format = match Encoding::sniff(bytes) {
         Some(Encoding::Jpeg) => {
             // The decoder fills what a cut-off file lacks with grey: nothing it says would tell.
-            let end = bytes.iter().rposition(|b| *b != 0).unwrap_or(0);
-            if end < 1 || bytes[end - 1..=end] != [0xff, 0xd9] {
+            if !is_ended(bytes) {
                 return Err("the JPEG is truncated: it has no end marker".into());
             }
             ImageFormat::Jpeg
@@ -43,6 +109,12 @@ pub fn decode(bytes: &[u8]) -> Result<Picture, String> {
         (1, picture.into_luma8().into_raw())
     };
     Picture::new(width, height, channels, data).map_err(|e| e.to_string())
+}
+
+/// Whether a JPEG has its end marker; some cameras fill the file up with zeros after it.
+fn is_ended(bytes: &[u8]) -> bool {
+    let filled = bytes.iter().rev().take_while(|b| **b == 0).count();
+    bytes[..bytes.len() - filled].ends_with(&[0xff, 0xd9])
 }
 
 #[cfg(test)]

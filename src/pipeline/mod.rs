@@ -6,6 +6,7 @@
 
 mod cameras;
 mod decode;
+mod jpeg;
 mod pictures;
 mod products;
 mod quality;
@@ -15,7 +16,8 @@ mod settings;
 mod stand;
 mod stream;
 
-pub use decode::decode;
+pub use decode::{Photograph, decode};
+pub use jpeg::Jpeg;
 pub use pictures::{OUTLINE, SHEET};
 pub use products::{Product, products};
 pub use quality::Gate;

@@ -3,13 +3,13 @@
 use super::quality::compare;
 use super::reconstruct::{Reconstruction, Taken, provisional_camera, reconstruct};
 use super::stand;
-use super::{Cameras, PipelineError, Settings, decode};
+use super::{Cameras, Photograph, PipelineError, Settings};
 use crate::calibrate::Turntable;
 use crate::geometry::{Aabb, Angle, Point};
 use crate::hull::{Cone, HullGrid};
 use crate::report::Shot;
 use crate::session::event::{Happening, Role};
-use crate::silhouette::{self, Picture, ViewQuality};
+use crate::silhouette::{self, Source, ViewQuality};
 use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -49,7 +49,7 @@ pub struct Pipeline {
     /// Where the views' cameras come from.
     pub cameras: Cameras,
     /// A picture of the stage without the grain, where there is one.
-    pub background: Option<Picture>,
+    pub background: Option<Photograph>,
     /// Views in the plan.
     pub views: usize,
     /// Whether the views' quality is judged.
@@ -165,12 +165,13 @@ impl Pipeline {
     /// Decodes a picture, finds its silhouette and judges it.
     pub(super) fn cut_out(&self, view: &View) -> Result<Taken, PipelineError> {
         let start = Instant::now();
-        let picture = decode(&view.bytes).map_err(|reason| PipelineError::Decode {
+        let picture = Photograph::open(&view.bytes).map_err(|reason| PipelineError::Decode {
             view: view.index,
             bytes: view.bytes.len(),
             reason,
         })?;
-        let found = silhouette::find(&picture, self.background.as_ref(), &self.settings.silhouette)
+        let background = self.background.as_ref().map(|stage| stage as &dyn Source);
+        let found = silhouette::find(&picture, background, &self.settings.silhouette)
             .map_err(|source| PipelineError::Silhouette { view: view.index, source })?;
         // Given cameras say what the picture covers; before a turntable the whole grain must be seen.
         if matches!(self.cameras, Cameras::Turntable(_)) {

@@ -2,7 +2,7 @@
 
 use super::bitmap::Bitmap;
 use super::canvas::{Anchor, Canvas as _, Ink, LETTER, LINE};
-use crate::silhouette::{PedestalSeen, Picture, Silhouette};
+use crate::silhouette::{PedestalSeen, Silhouette, Source};
 
 /// Longest side of a drawn picture, pixels: small enough for a page of 26 of them.
 const LONGEST: usize = 1000;
@@ -46,8 +46,9 @@ pub struct Marks<'a> {
 
 impl Shot {
     /// The surroundings of a silhouette in the picture it was found in.
-    pub fn of(picture: &Picture, silhouette: &Silhouette) -> Self {
-        let whole = [picture.width(), picture.height()];
+    pub fn of(picture: &dyn Source, silhouette: &Silhouette) -> Self {
+        let [width, height, channels] = picture.shape();
+        let whole = [width, height];
         let around = (AROUND * silhouette.size[0].max(silhouette.size[1]) as f64) as usize;
         let origin = silhouette.origin.map(|o| o.saturating_sub(around));
         let end: [usize; 2] =
@@ -55,13 +56,13 @@ impl Shot {
         let full = [end[0] - origin[0], end[1] - origin[1]];
         let reduced = full[0].max(full[1]).div_ceil(LONGEST).max(1);
         let size = full.map(|s| (s / reduced).max(1));
-        let (channels, data) = (picture.channels(), picture.data());
+        let data = picture.part(&(origin[0]..end[0]), &(origin[1]..end[1]));
         let mut pixels = Vec::with_capacity(3 * size[0] * size[1]);
         let mut sums = vec![[0u32; 3]; size[0]];
         for row in 0..size[1] {
             sums.fill([0; 3]);
             for y in 0..reduced.min(full[1]) {
-                let start = (origin[1] + row * reduced + y) * whole[0] + origin[0];
+                let start = (row * reduced + y) * full[0];
                 for (column, sum) in sums.iter_mut().enumerate() {
                     for x in 0..reduced.min(full[0]) {
                         let at = (start + column * reduced + x) * channels;

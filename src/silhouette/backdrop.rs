@@ -71,8 +71,7 @@ impl Backdrop {
     /// Least squares with outliers cast out, begun from the median of the picture's ends.
     fn fit_surface(reduced: &Reduced, levels: &[f32]) -> Self {
         let (w, h) = (reduced.width, reduced.height);
-        let mut ring: Vec<f64> =
-            (0..w * h).filter(|&k| reduced.in_ring(k % w, k / w)).map(|k| f64::from(levels[k])).collect();
+        let mut ring: Vec<f64> = reduced.ring().map(|k| f64::from(levels[k])).collect();
         let middle = median(&mut ring);
         let mut off: Vec<f64> = ring.iter().map(|v| (v - middle).abs()).collect();
         let noise = (1.4826 * median(&mut off)).max(NOISE_FLOOR);
@@ -85,39 +84,26 @@ impl Backdrop {
         terms[0] = middle;
         let mut fitted = Self { centre: [cx, cy], scale: [sx, sy], terms, empty: None, noise };
         let step = ((w * h) as f64 / SAMPLES as f64).sqrt().ceil().max(1.0) as usize;
-        let cells: Vec<(usize, usize)> =
-            (0..h).step_by(step).flat_map(|j| (0..w).step_by(step).map(move |i| (i, j))).collect();
+        let samples: Vec<(bool, Sample)> = ((0..h).step_by(step))
+            .flat_map(|j| (0..w).step_by(step).map(move |i| (i, j)))
+            .map(|(i, j)| {
+                let basis = fitted.basis(reduced.position(0, i), reduced.position(1, j));
+                (reduced.in_ring(i, j), (basis, f64::from(levels[j * w + i])))
+            })
+            .collect();
         for round in 0..ROUNDS {
             // The first round bends the surface through the ends only, which see no grain.
-            let used: Vec<(f64, f64, f64)> = (cells.iter())
-                .filter(|&&(i, j)| round > 0 || reduced.in_ring(i, j))
-                .map(|&(i, j)| (reduced.position(0, i), reduced.position(1, j), f64::from(levels[j * w + i])))
-                .filter(|&(x, y, v)| (v - fitted.surface(x, y)).abs() <= OUTLIER * fitted.noise)
+            let used: Vec<Sample> = (samples.iter())
+                .filter(|(in_ring, _)| round > 0 || *in_ring)
+                .map(|(_, sample)| *sample)
+                .filter(|(basis, v)| (v - fitted.at(basis)).abs() <= OUTLIER * fitted.noise)
                 .collect();
-            let Some(terms) = fitted.solve(&used) else { break };
+            let Some(terms) = solve(&used) else { break };
             fitted.terms = terms;
-            let mut off: Vec<f64> = used.iter().map(|&(x, y, v)| (v - fitted.surface(x, y)).abs()).collect();
+            let mut off: Vec<f64> = used.iter().map(|(basis, v)| (v - fitted.at(basis)).abs()).collect();
             fitted.noise = (1.4826 * median(&mut off)).max(NOISE_FLOOR);
         }
         fitted
-    }
-
-    fn solve(&self, samples: &[(f64, f64, f64)]) -> Option<[f64; TERMS]> {
-        if samples.len() < 4 * TERMS {
-            return None;
-        }
-        let mut normal = SMatrix::<f64, TERMS, TERMS>::zeros();
-        let mut right = SVector::<f64, TERMS>::zeros();
-        for &(x, y, v) in samples {
-            let row = SVector::from(self.basis(x, y));
-            normal += row * row.transpose();
-            right += row * v;
-        }
-        // A trace of a ridge keeps the surface flat where no background is left to hold it.
-        for k in 1..TERMS {
-            normal[(k, k)] += 1e-6 * samples.len() as f64;
-        }
-        normal.cholesky().map(|c| c.solve(&right).into())
     }
 
     fn basis(&self, x: f64, y: f64) -> [f64; TERMS] {
@@ -126,7 +112,11 @@ impl Backdrop {
     }
 
     fn surface(&self, x: f64, y: f64) -> f64 {
-        self.basis(x, y).iter().zip(&self.terms).map(|(b, t)| b * t).sum()
+        self.at(&self.basis(x, y))
+    }
+
+    fn at(&self, basis: &[f64; TERMS]) -> f64 {
+        basis.iter().zip(&self.terms).map(|(b, t)| b * t).sum()
     }
 
     /// The background's grey levels along a row, for `out.len()` columns from `x0` on.
@@ -148,15 +138,42 @@ impl Backdrop {
     /// The background's grey level in every cell.
     pub(super) fn cells(&self, reduced: &Reduced) -> Vec<f32> {
         let (w, h) = (reduced.width, reduced.height);
-        let mut levels: Vec<f32> = (0..h)
-            .flat_map(|j| (0..w).map(move |i| (i, j)))
-            .map(|(i, j)| self.surface(reduced.position(0, i), reduced.position(1, j)) as f32)
-            .collect();
+        let t = &self.terms;
+        let along: Vec<f64> =
+            (0..w).map(|i| (reduced.position(0, i) - self.centre[0]) / self.scale[0]).collect();
+        let mut levels = Vec::with_capacity(w * h);
+        for j in 0..h {
+            let v = (reduced.position(1, j) - self.centre[1]) / self.scale[1];
+            let (c0, c1) = (t[0] + v * (t[2] + v * t[5]), t[1] + v * t[4]);
+            levels.extend(along.iter().map(|u| (c0 + u * (c1 + u * t[3])) as f32));
+        }
         if let Some(stage) = &self.empty {
             levels.iter_mut().zip(&stage.levels).for_each(|(a, b)| *a += b);
         }
         levels
     }
+}
+
+/// The terms' factors at a place, and the level there.
+type Sample = ([f64; TERMS], f64);
+
+/// The terms that fit best.
+fn solve(samples: &[Sample]) -> Option<[f64; TERMS]> {
+    if samples.len() < 4 * TERMS {
+        return None;
+    }
+    let mut normal = SMatrix::<f64, TERMS, TERMS>::zeros();
+    let mut right = SVector::<f64, TERMS>::zeros();
+    for (basis, v) in samples {
+        let row = SVector::from(*basis);
+        normal += row * row.transpose();
+        right += row * *v;
+    }
+    // A trace of a ridge keeps the surface flat where no background is left to hold it.
+    for k in 1..TERMS {
+        normal[(k, k)] += 1e-6 * samples.len() as f64;
+    }
+    normal.cholesky().map(|c| c.solve(&right).into())
 }
 
 impl EmptyStage {

@@ -4,15 +4,19 @@
 //! A lens out of focus softens all directions alike. A grain, a table or a camera that moved during the exposure
 //! softens only the edges that the motion crosses.
 
-use super::{Found, Picture, Polarity};
+use super::frame::Rect;
+use super::{Found, Polarity, Silhouette, Source};
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::PI;
+use std::ops::Range;
 
 /// Directions of the normal that are told apart, over a whole turn.
 const DIRECTIONS: usize = 16;
 /// Pixels on either side of the outline that are looked at: two and a half standard deviations of the softest
 /// edge that the outline is placed on, and a plateau beyond.
 const REACH: usize = 24;
+/// Pixels around a silhouette's rectangle, which has some around the outline, that are looked at.
+const BESIDE: usize = REACH / 2;
 /// Bins of a profile for each pixel.
 const PER_PX: usize = 2;
 /// Bins of a profile.
@@ -33,6 +37,32 @@ const LEAST_DIRECTIONS: usize = 4;
 const PEDESTAL_PX: f64 = 8.0;
 /// A colour at this level or above is full: what is brighter reads the same, give or take the ripple of a JPEG.
 const FULL: u8 = 252;
+
+/// The pixels around a silhouette, as far as its edge reaches.
+pub(super) struct Part {
+    rect: Rect,
+    channels: usize,
+    pixels: Vec<u8>,
+}
+
+impl Part {
+    pub(super) fn of(picture: &dyn Source, found: &Found) -> Self {
+        let [width, height, channels] = picture.shape();
+        let Silhouette { origin: [x, y], size: [w, h], .. } = &found.silhouette;
+        let (x1, y1) = (x + w, y + h);
+        let rect =
+            Rect { x0: *x, y0: *y, x1, y1 }.grown(BESIDE, &Rect { x0: 0, y0: 0, x1: width, y1: height });
+        let (columns, rows) = rect.ranges();
+        Self { rect, channels, pixels: picture.part(&columns, &rows) }
+    }
+
+    /// The bytes of some columns of a row, by their numbers in the picture.
+    pub(super) fn row(&self, y: usize, columns: &Range<usize>) -> &[u8] {
+        let start = (y - self.rect.y0) * self.rect.width();
+        let [from, to] = [columns.start, columns.end].map(|x| (start + x - self.rect.x0) * self.channels);
+        &self.pixels[from..to]
+    }
+}
 
 /// What the pixels along the outline say.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -153,8 +183,8 @@ impl Profile {
 }
 
 /// Reads the pixels along the outline.
-pub(super) fn measure(picture: &Picture, found: &Found) -> Edge {
-    let (profiles, sides) = profiles(picture, found);
+pub(super) fn measure(part: &Part, found: &Found) -> Edge {
+    let (profiles, sides) = profiles(part, found);
     let mut all = Profile::empty();
     profiles.iter().for_each(|p| all.take_in(p));
     let mut edge = Edge {
@@ -231,7 +261,7 @@ impl Sides {
     }
 }
 
-fn profiles(picture: &Picture, found: &Found) -> (Vec<Profile>, Sides) {
+fn profiles(part: &Part, found: &Found) -> (Vec<Profile>, Sides) {
     let (s, report) = (&found.silhouette, &found.report);
     let bright_grain = report.polarity == Polarity::DarkBackground;
     let weights = report.channel.weights().map(|w| f64::from(w) / 16.0);
@@ -239,19 +269,19 @@ fn profiles(picture: &Picture, found: &Found) -> (Vec<Profile>, Sides) {
     let lowest = report.pedestal.map_or(y1, |p| (p.top_row - PEDESTAL_PX).max(0.0) as usize).min(y1);
     // The distance is known on the silhouette's rectangle; further out a lower bound of it is enough.
     let reach = |origin: usize, size: usize, low: usize, high: usize| {
-        origin.saturating_sub(REACH / 2).max(low)..(origin + size + REACH / 2).min(high)
+        origin.saturating_sub(BESIDE).max(low)..(origin + size + BESIDE).min(high)
     };
     let rows = reach(s.origin[1], s.size[1], y0, lowest);
     let columns = reach(s.origin[0], s.size[0], x0, x1);
     let mut profiles = vec![Profile::empty(); DIRECTIONS];
     let mut sides = Sides::default();
-    let channels = picture.channels();
+    let channels = part.channels;
     let level = |pixel: &[u8]| match pixel {
         [r, g, b] => weights[0] * f64::from(*r) + weights[1] * f64::from(*g) + weights[2] * f64::from(*b),
         _ => f64::from(pixel[0]),
     };
     for y in rows {
-        let line = picture.row(y, columns.start, columns.end);
+        let line = part.row(y, &columns);
         for (k, x) in columns.clone().enumerate() {
             let Some((d, direction)) = near(found, x, y) else { continue };
             let bin = ((d + REACH as f64) * PER_PX as f64) as usize;

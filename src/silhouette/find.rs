@@ -5,10 +5,11 @@ use super::mask::{Connect, Mask};
 use super::outline::Parts;
 use super::pedestal::{self, Pedestal};
 use super::plane::Plane;
+use super::reduced::Reduced;
 use super::report::{PedestalSeen, Report};
 use super::search::{Scene, search};
 use super::{
-    Classes, Histogram, Holes, PedestalMode, Picture, Polarity, Settings, Silhouette, SilhouetteError, Uncut,
+    Classes, Histogram, Holes, PedestalMode, Polarity, Settings, Silhouette, SilhouetteError, Source, Uncut,
 };
 use super::{despeckle, distance, holes, outline, pieces, plain, recut, shine};
 
@@ -51,27 +52,37 @@ pub struct Found {
 ///
 /// `background` is a picture of the empty stage under the same light, where there is one; without it a
 /// smooth surface is laid through the background. Only the region that holds the grain is looked at in full
-/// resolution: the cost is one partial reading of the picture and a few passes over that region.
+/// resolution: the cost is one partial reading of the picture and a few passes over that region. A [`Picture`](super::Picture)
+/// is decoded already; other sources decode no more than is looked at.
 ///
 /// # Errors
 /// When the settings make no sense, the background does not fit, or no grain is in view.
 pub fn find(
-    picture: &Picture,
-    background: Option<&Picture>,
+    picture: &dyn Source,
+    background: Option<&dyn Source>,
     settings: &Settings,
 ) -> Result<Found, SilhouetteError> {
     settings.check()?;
-    if let Some(empty) = background {
-        let shape = |p: &Picture| [p.width(), p.height(), p.channels()];
-        if shape(empty) != shape(picture) {
-            return Err(SilhouetteError::BackgroundMismatch {
-                background: shape(empty),
-                picture: shape(picture),
-            });
-        }
+    let shape = picture.shape();
+    if let Some(empty) = background.map(Source::shape)
+        && empty != shape
+    {
+        return Err(SilhouetteError::BackgroundMismatch { background: empty, picture: shape });
     }
-    let frame = frame::inner(picture);
-    let mut scene = search(picture, background, &frame, settings)?;
+    let (frame, reduced) = if let Some(pixels) = picture.at_hand() {
+        let frame = frame::inner(pixels);
+        (frame, Reduced::of(picture, &frame)?)
+    } else {
+        let whole = Rect { x0: 0, y0: 0, x1: shape[0], y1: shape[1] };
+        let reduced = Reduced::of(picture, &whole)?;
+        if frame::possible(&reduced) {
+            // Its lines must be counted.
+            return find(&*picture.pixels()?, background, settings);
+        }
+        (whole, reduced)
+    };
+    let empty = background.map(|stage| reduced.alike(stage)).transpose()?;
+    let mut scene = search(&reduced, empty.as_ref(), &frame, settings)?;
     let mut seen = look(picture, &frame, &scene, settings)?;
     let r = &seen.plane.rect;
     let inside = [r.x0 > frame.x0, r.x1 < frame.x1, r.y0 > frame.y0, r.y1 < frame.y1];
@@ -105,7 +116,7 @@ struct Seen {
 }
 
 fn look(
-    picture: &Picture,
+    picture: &dyn Source,
     frame: &Rect,
     scene: &Scene,
     settings: &Settings,
@@ -213,16 +224,17 @@ fn mean_level(plane: &Plane, mask: &Mask) -> f64 {
 }
 
 fn clear_below(mask: &mut Mask, pedestal: &Pedestal) {
-    let w = mask.width;
-    for (k, bit) in mask.bits.iter_mut().enumerate() {
-        if *bit != 0 && pedestal.below_top((k % w) as f64, (k / w) as f64).is_some_and(|d| d > 0.0) {
-            *bit = 0;
+    for (y, row) in mask.bits.chunks_exact_mut(mask.width).enumerate() {
+        for (x, bit) in row.iter_mut().enumerate().filter(|(_, bit)| **bit != 0) {
+            if pedestal.below_top(x as f64, y as f64).is_some_and(|d| d > 0.0) {
+                *bit = 0;
+            }
         }
     }
 }
 
 fn finish(
-    picture: &Picture,
+    picture: &dyn Source,
     frame: &Rect,
     scene: &Scene,
     settings: &Settings,
@@ -244,22 +256,90 @@ fn finish(
             }
         }
     }
+    // The outline lies near the body: little of the region has to be looked at for it. Of the pedestal, all of which
+    // is cut off, no more than is as high as the grain.
+    let mut whole = Rect { x0: 0, y0: 0, x1: plane.width, y1: plane.height };
+    if let (Some(pedestal), Some(grain)) = (pedestal, grain.bounds()) {
+        let [a, b] = [grain.x0, grain.x1].map(|x| pedestal.top_at(x as f64).max(0.0) as usize);
+        let depth = grain.height().max(outline::reach(outline::WIDEST)).max(margin(&grain));
+        whole.y1 = whole.y1.min(grain.y1.max(a).max(b) + depth);
+    }
+    let near = body.bounds().map(|b| b.grown(margin(&b) + outline::reach(outline::WIDEST), &whole));
+    let placed = (near.and_then(|near| place(seen, &body, &near, &whole)))
+        .or_else(|| place(seen, &body, &whole, &whole))
+        .ok_or(SilhouetteError::TooSmall { area_px: 0.0, limit_px: settings.min_area_px })?;
+    let silhouette = Silhouette {
+        picture: [picture.shape()[0], picture.shape()[1]],
+        origin: placed.origin,
+        size: [placed.field.width, placed.field.height],
+        distance_px: distance::signed(&placed.field),
+    };
+    let mut report = report(frame, scene, seen, &silhouette);
+    let above = |x: f64, y: f64| pedestal.is_none_or(|p| p.below_top(x, y).is_none_or(|d| d <= 0.0));
+    let otsu = [seen.threshold_two, seen.thresholds_three[0]];
+    [report.area_otsu_two_px, report.area_otsu_three_px] =
+        otsu.map(|threshold| plain::area_px(plane, &silhouette, threshold, above));
+    let shift = |area: f64| (area - report.area_px) / report.outline_length_px.max(1.0);
+    report.shift_otsu_two_px = shift(report.area_otsu_two_px);
+    report.shift_otsu_three_px = shift(report.area_otsu_three_px);
+    let uncut = report.pedestal.map(|p| uncut(&placed, p.top_row));
+    Ok(Found { silhouette, report, uncut, histogram: seen.histogram.clone(), blur_px: placed.blur_px })
+}
+
+/// The last rows of a silhouette's rectangle, from a little above the pedestal's top on, before the cut.
+fn uncut(placed: &Placed, top_row: f64) -> Uncut {
+    let outline::Field { width, height, values } = &placed.uncut;
+    let above = (top_row.max(0.0) as usize).saturating_sub(placed.origin[1] + recut::ROWS);
+    let first = above.min(*height);
+    Uncut { first, values: values[first * width..].to_vec() }
+}
+
+/// An outline in the rectangle around it.
+struct Placed {
+    field: outline::Field,
+    /// The same before the pedestal was cut off.
+    uncut: outline::Field,
+    /// Column and row of the first pixel in the picture.
+    origin: [usize; 2],
+    /// Standard deviation of the outline's blur, pixels.
+    blur_px: f64,
+}
+
+/// Places the outline about a body within a window of the region, of which `whole` matters. `None` where nothing is left of the body, or the window turns out to be too small for it.
+fn place(seen: &Seen, body: &Mask, window: &Rect, whole: &Rect) -> Option<Placed> {
+    let Seen { plane, occupied, pedestal, .. } = seen;
+    // Whether so many pixels around a part of the window are in it too, as far as they matter.
+    let holds = |part: &Rect, around: usize| {
+        (window.x0 == whole.x0 || part.x0 >= around)
+            && (window.y0 == whole.y0 || part.y0 >= around)
+            && (window.x1 == whole.x1 || part.x1 + around <= window.width())
+            && (window.y1 == whole.y1 || part.y1 + around <= window.height())
+    };
+    let below_top = |x: f64, y: f64| {
+        pedestal.as_ref().and_then(|p| p.below_top(x + window.x0 as f64, y + window.y0 as f64))
+    };
+    let smooth = window.part_of(&seen.smooth, plane.width);
+    let (plane, occupied) = (plane.part(window), occupied.part(window));
+    let mut body = body.part(window);
     let mut band = outline::BAND;
     let mut rounds = 0;
     let mut blur_px = outline::IN_FOCUS;
     let mut field = loop {
+        if !holds(&body.bounds()?, outline::reach(band)) {
+            return None;
+        }
         let excluded = |x: usize, y: usize| {
             let reach = band as f64;
-            pedestal.is_some_and(|p| p.below_top(x as f64, y as f64).is_some_and(|d| d > -reach))
+            below_top(x as f64, y as f64).is_some_and(|d| d > -reach)
         };
         let field = outline::place(
-            plane,
+            &plane,
             &Parts {
                 body: &body,
                 band,
                 blur: blur_px,
-                smooth: &seen.smooth,
-                occupied,
+                smooth: &smooth,
+                occupied: &occupied,
                 excluded: &excluded,
                 threshold: seen.threshold,
                 least_level: 4.0 * seen.noise,
@@ -276,57 +356,30 @@ fn finish(
         }
         (band, body) = (wider, placed);
     };
-    let whole = pedestal.map(|_| field.clone());
-    if let Some(pedestal) = pedestal {
-        field.cut(|x, y| pedestal.below_top(x, y));
+    let uncut = field.clone();
+    if pedestal.is_some() {
+        field.cut(below_top);
     }
     field.keep_largest();
-    let silhouette = cropped(picture, plane, &field)
-        .ok_or(SilhouetteError::TooSmall { area_px: 0.0, limit_px: settings.min_area_px })?;
-    let mut report = report(frame, scene, seen, &silhouette);
-    let above = |x: f64, y: f64| pedestal.is_none_or(|p| p.below_top(x, y).is_none_or(|d| d <= 0.0));
-    let otsu = [seen.threshold_two, seen.thresholds_three[0]];
-    [report.area_otsu_two_px, report.area_otsu_three_px] =
-        otsu.map(|threshold| plain::area_px(plane, &silhouette, threshold, above));
-    let shift = |area: f64| (area - report.area_px) / report.outline_length_px.max(1.0);
-    report.shift_otsu_two_px = shift(report.area_otsu_two_px);
-    report.shift_otsu_three_px = shift(report.area_otsu_three_px);
-    let uncut = whole.zip(report.pedestal).map(|(whole, p)| uncut(plane, &silhouette, &whole, p.top_row));
-    Ok(Found { silhouette, report, uncut, histogram: seen.histogram.clone(), blur_px })
+    let bounds = field.inside().bounds()?;
+    let around = margin(&bounds);
+    if !holds(&bounds, around) {
+        return None;
+    }
+    let part = bounds.grown(around, &Rect { x0: 0, y0: 0, x1: field.width, y1: field.height });
+    let origin = [plane.rect.x0 + part.x0, plane.rect.y0 + part.y0];
+    let cropped = |field: &outline::Field| outline::Field {
+        width: part.width(),
+        height: part.height(),
+        values: part.part_of(&field.values, field.width),
+    };
+    Some(Placed { field: cropped(&field), uncut: cropped(&uncut), origin, blur_px })
 }
 
-/// The last rows of a silhouette's rectangle, from a little above the pedestal's top on, before the cut.
-fn uncut(plane: &Plane, silhouette: &Silhouette, whole: &outline::Field, top_row: f64) -> Uncut {
-    let [width, height] = silhouette.size;
-    let [x0, y0] = [silhouette.origin[0] - plane.rect.x0, silhouette.origin[1] - plane.rect.y0];
-    let above = (top_row.max(0.0) as usize).saturating_sub(silhouette.origin[1] + recut::ROWS);
-    let first = above.min(height);
-    let rows = y0 + first..y0 + height;
-    let values = rows.flat_map(|y| whole.values[y * whole.width + x0..][..width].iter().copied()).collect();
-    Uncut { first, values }
-}
-
-/// The rectangle around the outline and its margin, with distances.
-fn cropped(picture: &Picture, plane: &Plane, field: &outline::Field) -> Option<Silhouette> {
-    let (_, components) = field.inside().components(Connect::Sides);
-    let (least, greatest) = (components.iter().map(|c| (c.least, c.greatest))).reduce(|a, b| {
-        ([a.0[0].min(b.0[0]), a.0[1].min(b.0[1])], [a.1[0].max(b.1[0]), a.1[1].max(b.1[1])])
-    })?;
-    let longer = (greatest[0] - least[0]).max(greatest[1] - least[1]);
-    let margin = MARGIN.0.max((MARGIN.1 * longer as f64) as usize);
-    let whole = Rect { x0: 0, y0: 0, x1: field.width, y1: field.height };
-    let part = Rect { x0: least[0], y0: least[1], x1: greatest[0] + 1, y1: greatest[1] + 1 };
-    let part = part.grown(margin, &whole);
-    let values = (part.y0..part.y1)
-        .flat_map(|y| field.values[y * field.width + part.x0..y * field.width + part.x1].iter().copied())
-        .collect();
-    let field = outline::Field { width: part.width(), height: part.height(), values };
-    Some(Silhouette {
-        picture: [picture.width(), picture.height()],
-        origin: [plane.rect.x0 + part.x0, plane.rect.y0 + part.y0],
-        size: [field.width, field.height],
-        distance_px: distance::signed(&field),
-    })
+/// Pixels around an outline's extent in which distances are given.
+fn margin(extent: &Rect) -> usize {
+    let longer = extent.width().max(extent.height()) - 1;
+    MARGIN.0.max((MARGIN.1 * longer as f64) as usize)
 }
 
 fn report(frame: &Rect, scene: &Scene, seen: &Seen, silhouette: &Silhouette) -> Report {

@@ -1,6 +1,7 @@
 //! The part of a picture that shows something: digitisers and video cards leave black lines at the ends.
 
 use super::Picture;
+use super::reduced::Reduced;
 
 /// A rectangle of pixels: columns `x0..x1`, rows `y0..y1`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,6 +32,15 @@ impl Rect {
     }
 }
 
+impl Rect {
+    /// The values of this rectangle out of those of a picture of this width.
+    pub(super) fn part_of<T: Copy>(&self, values: &[T], width: usize) -> Vec<T> {
+        let mut part = Vec::with_capacity(self.width() * self.height());
+        (self.y0..self.y1).for_each(|y| part.extend_from_slice(&values[y * width..][self.x0..self.x1]));
+        part
+    }
+}
+
 /// Pixels looked at along a line.
 const SAMPLES: usize = 256;
 /// A frame is no wider than this share of the picture.
@@ -43,6 +53,11 @@ const STEP: f64 = 20.0;
 const STEP_SHARE: f64 = 0.95;
 /// Lines over which the step may be smeared out.
 const SMEAR: usize = 2;
+
+/// The step that is looked for on the small copy, grey levels: somewhat less, and …
+const CELL_STEP: f64 = 0.8 * STEP;
+/// … along somewhat less of the line.
+const CELL_SHARE: f64 = 0.9;
 
 /// The picture without the flat lines along its ends.
 pub(super) fn inner(picture: &Picture) -> Rect {
@@ -66,6 +81,26 @@ pub(super) fn inner(picture: &Picture) -> Rect {
     rect.y0 += top;
     rect.y1 -= bottom;
     rect
+}
+
+/// Whether the small copy of a whole picture leaves it open that there is a frame: somewhere along its ends most
+/// cells differ from those beside them. Where the frame ends within a cell, that cell shows part of the step.
+pub(super) fn possible(reduced: &Reduced) -> bool {
+    let (w, h) = (reduced.width, reduced.height);
+    let grey: Vec<f32> = (0..w * h).map(|k| reduced.colours().iter().map(|c| c[k]).sum()).collect();
+    let limit = |cell: usize| {
+        // A cell at the end holds at least one line of the frame, any other pair of cells half of the step.
+        let part = if cell == 0 { 1.0 / reduced.factor as f64 } else { 0.5 };
+        (part * CELL_STEP * reduced.colours().len() as f64) as f32
+    };
+    // The cells `cell` and `cell + 1` from one end, all along it.
+    let steps = |cell: usize, length: usize, at: &dyn Fn(usize, usize) -> usize| {
+        let off = |along: &usize| (grey[at(cell, *along)] - grey[at(cell + 1, *along)]).abs() >= limit(cell);
+        (0..length).filter(off).count() as f64 >= CELL_SHARE * length as f64
+    };
+    let most = |lines: usize| ((lines as f64 * WIDEST) as usize + 2).min(lines.saturating_sub(1));
+    (0..most(w)).any(|c| steps(c, h, &|c, y| y * w + c) || steps(c, h, &|c, y| y * w + w - 1 - c))
+        || (0..most(h)).any(|c| steps(c, w, &|c, x| c * w + x) || steps(c, w, &|c, x| (h - 1 - c) * w + x))
 }
 
 fn grey(picture: &Picture, x: usize, y: usize) -> f64 {

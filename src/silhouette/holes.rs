@@ -27,7 +27,7 @@ pub(super) fn fill(mask: &mut Mask, plane: &Plane, open: Option<&Background>) ->
     let (runs, components) = clear.components(Connect::Sides);
     let least = LEAST_GAP_PX.max((LEAST_GAP_SHARE * mask.area() as f64) as usize);
     let mut means = vec![0f64; components.len()];
-    for run in &runs {
+    for run in runs.iter().filter(|_| open.is_some()) {
         let row = &plane.values[run.row * plane.width + run.start..run.row * plane.width + run.end];
         means[run.component] += row.iter().map(|&v| f64::from(v)).sum::<f64>();
     }

@@ -1,5 +1,7 @@
 //! Pixel-accurate masks: connected components by runs (He, Chao & Suzuki 2008), and square erosion.
 
+use super::frame::Rect;
+use memchr::{memchr, memrchr};
 use rayon::prelude::*;
 
 /// A mask over a rectangle: one byte a pixel, 0 or 1.
@@ -78,6 +80,23 @@ impl Mask {
         (columns.iter().map(|&c| usize::from(c)).sum(), rows)
     }
 
+    /// The least rectangle that holds all set pixels; `None` where there are none.
+    pub(super) fn bounds(&self) -> Option<Rect> {
+        let set = |y: &usize| memchr(1, &self.bits[y * self.width..][..self.width]).is_some();
+        let y0 = (0..self.height).find(set)?;
+        let y1 = (y0..self.height).rev().find(set)? + 1;
+        let mut columns = vec![0u8; self.width];
+        for row in self.bits[y0 * self.width..y1 * self.width].chunks_exact(self.width) {
+            columns.iter_mut().zip(row).for_each(|(c, b)| *c |= b);
+        }
+        Some(Rect { x0: memchr(1, &columns)?, y0, x1: memrchr(1, &columns)? + 1, y1 })
+    }
+
+    /// A part.
+    pub(super) fn part(&self, part: &Rect) -> Self {
+        Self { width: part.width(), height: part.height(), bits: part.part_of(&self.bits, self.width) }
+    }
+
     pub(super) fn complement(&self) -> Self {
         Self { bits: self.bits.iter().map(|b| 1 - b).collect(), ..*self }
     }
@@ -92,8 +111,8 @@ impl Mask {
             let first = runs.len();
             let mut x = 0;
             let mut k = above.start;
-            while let Some(start) = bits[x..].iter().position(|&b| b != 0).map(|p| p + x) {
-                let end = bits[start..].iter().position(|&b| b == 0).map_or(self.width, |p| p + start);
+            while let Some(start) = memchr(1, &bits[x..]).map(|p| p + x) {
+                let end = memchr(0, &bits[start..]).map_or(self.width, |p| p + start);
                 let mut label = None;
                 while k < above.end && runs[k].end + reach <= start {
                     k += 1;
@@ -172,30 +191,34 @@ impl Mask {
     /// Pixels whose whole square of half width `radius` is set; what lies outside the rectangle is set.
     pub(super) fn eroded(&self, radius: usize) -> Self {
         let (w, h) = (self.width, self.height);
-        let mut across = vec![0u8; w * h];
-        across.par_chunks_mut(w).zip(self.bits.par_chunks(w)).for_each(|(out, row)| {
-            // Distance to the last clear pixel on the left, then on the right.
-            let mut since = radius + 1;
-            for (o, &b) in out.iter_mut().zip(row) {
-                since = if b == 0 { 0 } else { since + 1 };
-                *o = u8::from(since > radius);
-            }
-            let mut since = radius + 1;
-            for (o, &b) in out.iter_mut().zip(row).rev() {
-                since = if b == 0 { 0 } else { since + 1 };
-                *o &= u8::from(since > radius);
-            }
-        });
-        let mut out = Self::empty(w, h);
-        out.bits.par_chunks_mut(w).enumerate().for_each(|(y, line)| {
-            line.fill(1);
-            for near in y.saturating_sub(radius)..(y + radius + 1).min(h) {
-                for (o, &b) in line.iter_mut().zip(&across[near * w..][..w]) {
-                    *o &= b;
+        let side = 2 * radius + 1;
+        // With the rows of set pixels above and below.
+        let mut rows = vec![1u8; w * (h + 2 * radius)];
+        let middle = &mut rows[radius * w..(radius + h) * w];
+        middle.par_chunks_mut(w).zip(self.bits.par_chunks(w)).for_each_init(
+            || [vec![1u8; w + 2 * radius], vec![1u8; w + 2 * radius]],
+            |[line, next], (out, row)| {
+                line.fill(1);
+                line[radius..radius + w].copy_from_slice(row);
+                for step in doublings(side) {
+                    let n = line.len() - step;
+                    both(&line[..n], &line[step..], &mut next[..n]);
+                    std::mem::swap(line, next);
                 }
-            }
-        });
-        out
+                out.copy_from_slice(&line[..w]);
+            },
+        );
+        let mut next = vec![1u8; rows.len()];
+        for step in doublings(side) {
+            let n = rows.len() - step * w;
+            let (here, there) = (&rows[..n], &rows[step * w..]);
+            (next[..n].par_chunks_mut(w).enumerate()).for_each(|(y, out)| {
+                both(&here[y * w..][..w], &there[y * w..][..w], out);
+            });
+            std::mem::swap(&mut rows, &mut next);
+        }
+        rows.truncate(w * h);
+        Self { width: w, height: h, bits: rows }
     }
 
     /// With the gaps filled that no square of half width `radius` fits into; nothing is taken away.
@@ -206,6 +229,22 @@ impl Mask {
     /// Pixels whose square of half width `radius` holds a set one.
     pub(super) fn dilated(&self, radius: usize) -> Self {
         self.complement().eroded(radius).complement()
+    }
+}
+
+/// Steps after which a value and-ed with the one a step on has taken in `side` values: 1, 2, 4 …, and the rest.
+fn doublings(side: usize) -> impl Iterator<Item = usize> {
+    let mut reached = 1;
+    std::iter::from_fn(move || {
+        let step = reached.min(side - reached);
+        reached += step;
+        (step > 0).then_some(step)
+    })
+}
+
+fn both(a: &[u8], b: &[u8], out: &mut [u8]) {
+    for ((o, a), b) in out.iter_mut().zip(a).zip(b) {
+        *o = a & b;
     }
 }
 

@@ -1,9 +1,9 @@
 //! From a photograph to the outline of the grain.
 //!
 //! ```text
-//! picture ─▶ frame ─▶ reduced ─▶ backdrop, channel, polarity, region ─▶ plane (full resolution, region only)
-//!                                                                              │
-//!     silhouette ◀── distance ◀── outline ◀── pedestal, holes ◀── threshold ◀──┘
+//! source ─▶ frame ─▶ reduced ─▶ backdrop, channel, polarity, region ─▶ plane (full resolution, region only)
+//!                                                                             │
+//!     silhouette ◀── distance ◀── outline ◀── pedestal, holes ◀── threshold ◀─┘
 //! ```
 //!
 //! A mask that is one pixel too large everywhere costs 1.2 % of a grain's volume, so the outline is placed
@@ -36,6 +36,7 @@ mod report;
 mod search;
 mod settings;
 mod shine;
+mod source;
 mod stand;
 
 pub use channel::Channel;
@@ -49,4 +50,5 @@ pub use quality::{Bound, Check, Traits, Verdict, ViewQuality, assess};
 pub use recut::Uncut;
 pub use report::{PedestalSeen, Report, Side};
 pub use settings::{Classes, Holes, PedestalMode, Polarity, Settings};
+pub use source::{Grid, Source};
 pub use stand::{Joint, Stand, joint_stand};

@@ -14,6 +14,17 @@ pub(super) const BAND: usize = 3;
 pub(super) const IN_FOCUS: f64 = 1.0;
 /// The widest band: a picture that needs more shows no outline.
 pub(super) const WIDEST: usize = 16;
+/// How far from a body, pixels, anything matters to its outline within a band: where background is read, and what is
+/// occupied within the band's width of that place.
+pub(super) fn reach(band: usize) -> usize {
+    deepest(band) + 2 * band
+}
+
+/// How far from the edge the grain is read.
+fn deepest(band: usize) -> usize {
+    band + DEEPER
+}
+
 /// Grain pixels are read up to this many pixels beyond the band, and background pixels, the nearest ones, up to this
 /// many: enough against noise, few enough that a lit part does not set the level of a shaded one beside it.
 const DEEPER: usize = 5;
@@ -104,7 +115,7 @@ impl Levels {
     fn read(plane: &Plane, parts: &Parts, inner: &Mask, outer: &Mask, taken: &Mask) -> Self {
         let (w, h) = (plane.width, plane.height);
         let edge = edge(parts.body);
-        let reach = parts.band + DEEPER;
+        let reach = deepest(parts.band);
         let near = places(reach + parts.band);
         let at = |[x, y]: [usize; 2], &(dx, dy, _): &(isize, isize, usize)| {
             let (i, j) = (x.checked_add_signed(dx)?, y.checked_add_signed(dy)?);

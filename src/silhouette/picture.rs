@@ -26,8 +26,7 @@ impl Picture {
         if channels != 1 && channels != 3 {
             return Err(SilhouetteError::PictureChannels { channels });
         }
-        let range = LEAST_SIDE..=GREATEST_SIDE;
-        if !range.contains(&width) || !range.contains(&height) {
+        if !Self::fits(width, height) {
             return Err(SilhouetteError::PictureSize {
                 width,
                 height,
@@ -39,6 +38,11 @@ impl Picture {
             return Err(SilhouetteError::PictureBytes { width, height, channels, bytes: data.len() });
         }
         Ok(Self { width, height, channels, data })
+    }
+
+    /// Whether a picture may have this size: each side has 16 to 32 768 pixels.
+    pub fn fits(width: usize, height: usize) -> bool {
+        [width, height].iter().all(|side| (LEAST_SIDE..=GREATEST_SIDE).contains(side))
     }
 
     /// Width, pixels.

@@ -3,7 +3,7 @@
 use super::backdrop::Backdrop;
 use super::frame::Rect;
 use super::otsu::Histogram;
-use super::{Channel, Picture};
+use super::{Channel, Source};
 use rayon::prelude::*;
 
 /// Units of a plane's values per grey level.
@@ -23,38 +23,33 @@ pub(super) struct Plane {
 
 impl Plane {
     pub(super) fn of(
-        picture: &Picture,
+        picture: &dyn Source,
         rect: Rect,
         channel: Channel,
         backdrop: &Backdrop,
         bright_grain: bool,
     ) -> Self {
         let (width, height) = (rect.width(), rect.height());
-        let mut values = vec![0i16; width * height];
         let sign = if bright_grain { 1i16 } else { -1 };
-        let weights = channel.weights().map(|w| w * sign);
         let scale = PER_LEVEL * f32::from(sign);
+        let (columns, rows) = rect.ranges();
+        let mut values = picture.weighted(&columns, &rows, channel.weights().map(|w| w * sign));
         values.par_chunks_mut(width).enumerate().for_each_init(
             || vec![0f32; width],
             |levels, (j, out)| {
-                let y = rect.y0 + j;
-                backdrop.row(y, rect.x0, levels);
-                let row = picture.row(y, rect.x0, rect.x1);
-                if picture.channels() == 1 {
-                    let grey = 16 * sign;
-                    for ((o, &v), level) in out.iter_mut().zip(row).zip(&*levels) {
-                        *o = grey * i16::from(v) - (scale * level) as i16;
-                    }
-                } else {
-                    let [r, g, b] = weights;
-                    for ((o, p), level) in out.iter_mut().zip(row.chunks_exact(3)).zip(&*levels) {
-                        let v = r * i16::from(p[0]) + g * i16::from(p[1]) + b * i16::from(p[2]);
-                        *o = v - (scale * level) as i16;
-                    }
-                }
+                backdrop.row(rect.y0 + j, rect.x0, levels);
+                out.iter_mut().zip(&*levels).for_each(|(o, level)| *o -= (scale * level) as i16);
             },
         );
         Self { rect, width, height, values }
+    }
+
+    /// A part, by its own columns and rows.
+    pub(super) fn part(&self, part: &Rect) -> Self {
+        let Rect { x0, y0, .. } = self.rect;
+        let rect = Rect { x0: x0 + part.x0, y0: y0 + part.y0, x1: x0 + part.x1, y1: y0 + part.y1 };
+        let values = part.part_of(&self.values, self.width);
+        Self { rect, width: part.width(), height: part.height(), values }
     }
 
     /// Histogram of the values, grey levels, over the range they really take.
@@ -91,15 +86,16 @@ impl Plane {
         let row = |y: usize| &self.values[y * w..(y + 1) * w];
         let mut out = vec![0i16; w * h];
         out.par_chunks_mut(w).enumerate().for_each_init(
-            || vec![0i32; w],
+            || vec![0i32; w + 2],
             |down, (y, out)| {
                 let rows = row(y.saturating_sub(1)).iter().zip(row(y)).zip(row((y + 1).min(h - 1)));
-                for (sum, ((&a, &b), &c)) in down.iter_mut().zip(rows) {
+                for (sum, ((&a, &b), &c)) in down[1..=w].iter_mut().zip(rows) {
                     *sum = i32::from(a) + 2 * i32::from(b) + i32::from(c);
                 }
-                for (x, o) in out.iter_mut().enumerate() {
-                    let sum = down[x.saturating_sub(1)] + 2 * down[x] + down[(x + 1).min(w - 1)];
-                    *o = ((sum + 8) >> 4) as i16;
+                // The last one on each side once more beyond it.
+                (down[0], down[w + 1]) = (down[1], down[w]);
+                for (o, d) in out.iter_mut().zip(down.windows(3)) {
+                    *o = ((d[0] + 2 * d[1] + d[2] + 8) >> 4) as i16;
                 }
             },
         );

@@ -2,8 +2,8 @@
 //!
 //! This file judges one picture by itself; [`super::neighbours`] judges it against the pictures beside it.
 
-use super::edge::{self, Edge};
-use super::{Found, Picture, Polarity, Side};
+use super::edge::{self, Edge, Part};
+use super::{Found, Polarity, Side, Source};
 use serde::{Deserialize, Serialize};
 
 /// A blur of this share of the grain's diameter is doubtful, of the other bad. Half-way levels place a blurred
@@ -157,8 +157,9 @@ pub struct Traits {
 
 /// Judges a picture by itself; also its figures for [`between`](super::between()). Reads only the pixels within a few
 /// dozen of the outline.
-pub fn assess(picture: &Picture, found: &Found) -> (ViewQuality, Traits) {
-    let edge = edge::measure(picture, found);
+pub fn assess(picture: &dyn Source, found: &Found) -> (ViewQuality, Traits) {
+    let part = Part::of(picture, found);
+    let edge = edge::measure(&part, found);
     let report = &found.report;
     let diameter_px = (4.0 * report.area_px / std::f64::consts::PI).sqrt().max(1.0);
     let mut checks = vec![focus(&edge, diameter_px)];
@@ -187,7 +188,7 @@ pub fn assess(picture: &Picture, found: &Found) -> (ViewQuality, Traits) {
         ],
         top: (s.origin[1] + first) as f64 + depth,
         height: (last + 1 - first) as f64,
-        pixels: fingerprint(picture, found),
+        pixels: fingerprint(&part, found),
     };
     (ViewQuality::of(checks), traits)
 }
@@ -266,7 +267,7 @@ fn contrast(contrast: f64, noise: f64) -> Check {
 
 /// A number of the pixels in the silhouette's rectangle and of where it lies (FNV-1a's steps on eight bytes at a
 /// time): two pictures with the same number show the same pixels.
-fn fingerprint(picture: &Picture, found: &Found) -> u64 {
+fn fingerprint(part: &Part, found: &Found) -> u64 {
     const PRIME: u64 = 0x0000_0100_0000_01b3;
     let s = &found.silhouette;
     let mut sum = 0xcbf2_9ce4_8422_2325_u64;
@@ -278,7 +279,7 @@ fn fingerprint(picture: &Picture, found: &Found) -> u64 {
         mix(*v as u64);
     }
     for y in s.origin[1]..s.origin[1] + s.size[1] {
-        for word in picture.row(y, s.origin[0], s.origin[0] + s.size[0]).chunks(8) {
+        for word in part.row(y, &(s.origin[0]..s.origin[0] + s.size[0])).chunks(8) {
             let mut bytes = [0; 8];
             bytes[..word.len()].copy_from_slice(word);
             mix(u64::from_le_bytes(bytes));

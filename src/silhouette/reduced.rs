@@ -2,16 +2,11 @@
 //! only in part, before the few percent of it that hold the grain are looked at closely.
 
 use super::frame::Rect;
-use super::{Channel, Picture};
-use rayon::prelude::*;
-
-/// The longer side of the small copy, cells, at most.
-const LONGEST: usize = 600;
-/// Rows read of each cell: more would cost bytes and tell nothing new.
-const ROWS_READ: usize = 4;
+use super::{Channel, Grid, SilhouetteError, Source};
 
 /// Means of the colours over cells of `factor` by `factor` pixels.
 pub(super) struct Reduced {
+    grid: Grid,
     /// Pixels per cell, a side.
     pub factor: usize,
     /// First column and row of the picture covered.
@@ -25,42 +20,25 @@ pub(super) struct Reduced {
 }
 
 impl Reduced {
-    /// Cells a side of which `factor` pixels are taken together for a frame.
-    pub(super) fn of(picture: &Picture, frame: &Rect) -> Self {
-        let factor = frame.width().max(frame.height()).div_ceil(LONGEST);
-        let (width, height) = (frame.width() / factor, frame.height() / factor);
-        let channels = picture.channels();
-        let step = (factor / ROWS_READ).max(1);
-        let rows: Vec<Vec<u32>> = (0..height)
-            .into_par_iter()
-            .map(|j| {
-                let mut sums = vec![0u32; width * channels];
-                let top = frame.y0 + j * factor;
-                for y in (top..top + factor).step_by(step) {
-                    let row = picture.row(y, frame.x0, frame.x0 + width * factor);
-                    for (cell, sum) in
-                        row.chunks_exact(factor * channels).zip(sums.chunks_exact_mut(channels))
-                    {
-                        for pixel in cell.chunks_exact(channels) {
-                            for (s, &v) in sum.iter_mut().zip(pixel) {
-                                *s += u32::from(v);
-                            }
-                        }
-                    }
-                }
-                sums
-            })
-            .collect();
-        let scale = 1.0 / (factor * factor.div_ceil(step)) as f32;
-        let colours = (0..channels)
-            .map(|c| {
-                rows.iter()
-                    .flat_map(|row| row[c..].iter().step_by(channels))
-                    .map(|&s| s as f32 * scale)
-                    .collect()
-            })
-            .collect();
-        Self { factor, origin: [frame.x0, frame.y0], width, height, colours }
+    /// The small copy of a frame.
+    pub(super) fn of(picture: &dyn Source, frame: &Rect) -> Result<Self, SilhouetteError> {
+        let (columns, rows) = frame.ranges();
+        Self::on(picture, &picture.grid(&columns, &rows))
+    }
+
+    /// The same cells of another picture.
+    pub(super) fn alike(&self, picture: &dyn Source) -> Result<Self, SilhouetteError> {
+        Self::on(picture, &self.grid)
+    }
+
+    fn on(picture: &dyn Source, grid: &Grid) -> Result<Self, SilhouetteError> {
+        let Grid { factor, origin, size: [width, height] } = *grid;
+        Ok(Self { grid: *grid, factor, origin, width, height, colours: picture.cells(grid)? })
+    }
+
+    /// For each colour, `[row, column]`.
+    pub(super) fn colours(&self) -> &[Vec<f32>] {
+        &self.colours
     }
 
     /// One combination of the colours, grey levels.
@@ -81,7 +59,21 @@ impl Reduced {
     /// Whether a cell lies in the ring along the left, top and right ends (never the bottom: the pedestal
     /// stands there).
     pub(super) fn in_ring(&self, i: usize, j: usize) -> bool {
-        let depth = (self.width.min(self.height) / 20).max(2);
+        let depth = self.depth();
         i < depth || i + depth >= self.width || j < depth
+    }
+
+    /// The cells in that ring, row by row.
+    pub(super) fn ring(&self) -> impl Iterator<Item = usize> {
+        let (w, depth) = (self.width, self.depth());
+        (0..self.height).flat_map(move |j| {
+            let left = if j < depth { w } else { depth.min(w) };
+            let right = w.saturating_sub(depth).max(left);
+            (0..left).chain(right..w).map(move |i| j * w + i)
+        })
+    }
+
+    fn depth(&self) -> usize {
+        (self.width.min(self.height) / 20).max(2)
     }
 }

@@ -5,7 +5,7 @@ use super::frame::Rect;
 use super::mask::{Connect, Mask};
 use super::otsu::Histogram;
 use super::reduced::Reduced;
-use super::{Channel, Picture, Polarity, Settings, SilhouetteError};
+use super::{Channel, Polarity, Settings, SilhouetteError};
 use rayon::prelude::*;
 
 /// A cell this many standard deviations off the background may be grain.
@@ -49,25 +49,22 @@ struct Candidate {
     score: f64,
 }
 
-/// Looks at every channel and polarity that the settings allow and takes the one that separates best.
+/// Looks, on the small copies of the picture and of the empty stage, at every channel and polarity that the settings allow and takes the one that separates best.
 pub(super) fn search(
-    picture: &Picture,
-    empty: Option<&Picture>,
+    reduced: &Reduced,
+    empty: Option<&Reduced>,
     frame: &Rect,
     settings: &Settings,
 ) -> Result<Scene, SilhouetteError> {
-    let reduced = Reduced::of(picture, frame);
-    let empty = empty.map(|stage| Reduced::of(stage, frame));
-    let grey = picture.channels() == 1;
+    let grey = reduced.colours().len() == 1;
     let channels: &[Channel] = match settings.channel {
         Channel::Auto if grey => &[Channel::Luma],
         Channel::Auto => &Channel::CANDIDATES,
         channel if grey && channel != Channel::Luma => return Err(SilhouetteError::NoColour { channel }),
         ref channel => std::slice::from_ref(channel),
     };
-    let candidates: Vec<Candidate> = (channels.par_iter())
-        .map(|&channel| judge(&reduced, empty.as_ref(), channel, frame, settings))
-        .collect();
+    let candidates: Vec<Candidate> =
+        (channels.par_iter()).map(|&channel| judge(reduced, empty, channel, frame, settings)).collect();
     let strongest = candidates.iter().max_by(|a, b| a.contrast.total_cmp(&b.contrast));
     let (contrast, noise) = strongest.map_or((0.0, 0.0), |c| (c.contrast, c.scene.backdrop.noise));
     let seen = |c: &Candidate| c.contrast >= needed(c.scene.backdrop.noise);
@@ -108,11 +105,9 @@ fn judge(
     let model = backdrop.cells(reduced);
     let mut off: Vec<f32> = levels.iter().zip(&model).map(|(v, m)| v - m).collect();
     // The strongest contrast of either polarity.
-    let mut sorted = off.clone();
-    let few = (sorted.len() as f64 * STRONGEST) as usize;
-    let last = sorted.len() - 1;
-    let bright = f64::from(*sorted.select_nth_unstable_by(last - few, f32::total_cmp).1);
-    let dark = -f64::from(*sorted.select_nth_unstable_by(few, f32::total_cmp).1);
+    let few = (off.len() as f64 * STRONGEST) as usize;
+    let [dark, bright] = ends(&off, few).map(f64::from);
+    let dark = -dark;
     let seed = |strongest: f64| (SEED_SIGMAS * backdrop.noise).max(SEED_SHARE * strongest).max(1.0) as f32;
     let bright_grain = match settings.polarity {
         Polarity::BrightBackground => false,
@@ -158,17 +153,37 @@ fn judge(
     let quiet = histogram.quiet(limit.into(), otsu.max(limit.into()));
     let (threshold, unsure) = quiet.map_or((otsu, 1.0), |q| (q.threshold, q.unsure));
     let contrast = split.map_or(0.0, |s| s.means[1] - s.means[0]).min(strongest.max(0.0));
-    let (mut ring, mut covered) = (0usize, 0usize);
-    for (k, v) in off.iter().enumerate() {
-        if reduced.in_ring(k % reduced.width, k / reduced.width) {
-            ring += 1;
-            covered += usize::from(f64::from(*v) > threshold);
-        }
-    }
-    let ring_share = covered as f64 / ring.max(1) as f64;
-    let cells = off.iter().filter(|v| f64::from(**v) > threshold).count();
+    let above = |v: &f32| f64::from(*v) > threshold;
+    let (ring, covered) =
+        reduced.ring().fold((0, 0), |(n, sum), k| (n + 1, sum + usize::from(above(&off[k]))));
+    let ring_share = covered as f64 / f64::from(ring.max(1));
+    let cells = off.iter().filter(|v| above(v)).count();
     let score = (1.0 - unsure) * (1.0 - ring_share);
     Candidate { scene: Scene { channel, bright_grain, backdrop, region }, contrast, ring_share, cells, score }
+}
+
+/// The values that `few` others are less than, and greater than: of the least ones and of the greatest ones. Reads the
+/// upper bits of all, and sorts those only that share them with what is sought.
+fn ends(values: &[f32], few: usize) -> [f32; 2] {
+    // Bits that are ordered as the numbers are (`f32::total_cmp`).
+    let key = |v: &f32| {
+        let bits = v.to_bits();
+        if bits >> 31 == 1 { !bits } else { bits | 1 << 31 }
+    };
+    let mut counts = vec![0u32; 1 << 16];
+    values.iter().for_each(|v| counts[(key(v) >> 16) as usize] += 1);
+    [few, values.len() - 1 - few].map(|place| {
+        let mut before = 0;
+        let full = |&count: &u32| {
+            before += count as usize;
+            before > place
+        };
+        let upper = counts.iter().position(full).unwrap_or(0);
+        let mut same: Vec<f32> =
+            values.iter().filter(|v| (key(v) >> 16) as usize == upper).copied().collect();
+        let first = before - same.len();
+        *same.select_nth_unstable_by(place - first, f32::total_cmp).1
+    })
 }
 
 /// Cells of the heaviest object and of those that belong to it.

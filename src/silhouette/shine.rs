@@ -3,7 +3,8 @@
 //! A mirroring facet saturates the camera: what is brighter than the background is not background either. Inside the
 //! grain such a spot is an opening, which is filled; on its edge it would be a bite out of the outline.
 
-use super::Picture;
+use super::Source;
+use super::frame::Rect;
 use super::mask::{Connect, Mask};
 use super::plane::Plane;
 
@@ -18,32 +19,43 @@ const RIM: usize = 3;
 /// Least share of the pixels around a spot that are grain.
 const LEAST_SHARE: f64 = 0.3;
 
+/// Without what no spot fits into.
+fn opened(mask: &Mask) -> Mask {
+    mask.eroded(LEAST_HALF_WIDTH).dilated(LEAST_HALF_WIDTH)
+}
+
+/// The saturated pixels of a mask in the plane that lies within `place`.
+fn saturated(plane: &Plane, picture: &dyn Source, mask: &Mask, place: &Rect) -> Mask {
+    let (r, channels) = (plane.rect, picture.shape()[2]);
+    let pixels = picture.part(&(r.x0 + place.x0..r.x0 + place.x1), &(r.y0 + place.y0..r.y0 + place.y1));
+    let mut out = Mask::empty(mask.width, mask.height);
+    for (y, row) in (place.y0..).zip(pixels.chunks_exact(place.width() * channels)) {
+        for (x, pixel) in (place.x0..).zip(row.chunks_exact(channels)) {
+            let k = y * mask.width + x;
+            out.bits[k] = mask.bits[k] & u8::from(pixel.iter().all(|&v| v >= SATURATED));
+        }
+    }
+    out
+}
+
 /// Gives the spots at the grain the grain's level `grain_level` in the plane, rim and all; `limit` (both in the plane's
 /// units) is what tells a pixel from the background. Whether there were any.
 pub(super) fn darken(
     plane: &mut Plane,
-    picture: &Picture,
+    picture: &dyn Source,
     grain: &Mask,
     smooth: &[i16],
     limit: i16,
     grain_level: i16,
 ) -> bool {
-    let (w, r) = (plane.width, plane.rect);
-    let mut spots = Mask::empty(w, plane.height);
-    let channels = picture.channels();
-    let mut any = false;
-    for y in 0..plane.height {
-        let row = picture.row(r.y0 + y, r.x0, r.x1);
-        for (x, pixel) in row.chunks_exact(channels).enumerate() {
-            let spot = pixel.iter().all(|&v| v >= SATURATED) && smooth[y * w + x] < -limit;
-            spots.bits[y * w + x] = u8::from(spot);
-            any |= spot;
-        }
-    }
-    if !any {
+    let w = plane.width;
+    let bits: Vec<u8> = smooth.iter().map(|&v| u8::from(v < -limit)).collect();
+    if !bits.contains(&1) {
         return false;
     }
-    let spots = spots.eroded(LEAST_HALF_WIDTH).dilated(LEAST_HALF_WIDTH);
+    let brighter = opened(&Mask { width: w, height: plane.height, bits });
+    let Some(place) = brighter.bounds() else { return false };
+    let spots = opened(&saturated(plane, picture, &brighter, &place));
     let (runs, components) = spots.components(Connect::Corners);
     let mut around = vec![[0_usize; 2]; components.len()];
     for run in &runs {
