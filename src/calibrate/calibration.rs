@@ -2,6 +2,7 @@
 
 use super::{Measured, Turntable};
 use crate::geometry::{Angle, Projection};
+use crate::silhouette::Verdict;
 use serde::Serialize;
 
 /// The rig as measured from the silhouettes of one session.
@@ -64,8 +65,8 @@ pub struct ViewCalibration {
     pub offset_sigma_px: f64,
     /// Root mean square of what its outline keeps of unexplained differences, pixels.
     pub residual_px: f64,
-    /// Whether the view can be relied on: `good`, `doubtful`, `bad`.
-    pub verdict: String,
+    /// Whether the view can be relied on.
+    pub verdict: Verdict,
     /// What a person should know of it.
     pub warnings: Vec<String>,
 }

@@ -286,8 +286,10 @@ impl<'a> Round<'a> {
         jumps.sort_by(f64::total_cmp);
         // Of neighbours' differences, whose median is 0.954 standard deviations.
         let scatter = jumps.get(jumps.len() / 2).map_or(0.0, |j| j / 0.954);
-        let length = views.iter().filter_map(|v| v.pedestal).map(|p| p.length_px).fold(f64::INFINITY, f64::min);
-        round.lean_sigma_rad = [scatter, 2.0 * EDGE_PX / length.max(0.01)].map(|s| s.max(LEAST_LEAN_SIGMA_RAD));
+        let length =
+            views.iter().filter_map(|v| v.pedestal).map(|p| p.length_px).fold(f64::INFINITY, f64::min);
+        round.lean_sigma_rad =
+            [scatter, 2.0 * EDGE_PX / length.max(0.01)].map(|s| s.max(LEAST_LEAN_SIGMA_RAD));
         Some(round)
     }
 

@@ -6,7 +6,7 @@ use super::profile::Line;
 use super::turning::{self, Change, Turning};
 use super::{Axis, AxisError, AxisMethod, How, Measured, find_axis};
 use crate::geometry::Angle;
-use crate::silhouette::Silhouette;
+use crate::silhouette::{Silhouette, Verdict};
 
 /// Fewest views that are held against one another.
 const LEAST_VIEWS: usize = 6;
@@ -18,7 +18,7 @@ const SEEN_SIGMAS: f64 = 4.0;
 /// the equations say (measured over many simulated rigs: see `tests/calibration.rs`).
 const MODEST: f64 = 1.6;
 /// The same for the reciprocal distance, which small errors of the outlines move most.
-const MODEST_RECIPROCAL: f64 = 3.0;
+const MODEST_RECIPROCAL: f64 = 2.2;
 /// What an outline may be off by on one side all along, pixels (standard deviation).
 const OUTLINE_PX: f64 = 0.08;
 /// A view's shift beyond this many times what is usual is worth a word.
@@ -171,7 +171,7 @@ impl Worked {
                     offset_px,
                     offset_sigma_px,
                     residual_px: fit.residuals_px[i],
-                    verdict: if warnings.is_empty() { "good" } else { "doubtful" }.into(),
+                    verdict: if warnings.is_empty() { Verdict::Good } else { Verdict::Doubtful },
                     warnings,
                 }
             })
@@ -234,7 +234,7 @@ impl Worked {
         let says = if seen {
             format!("the outlines say {:.0} ± {:.0} mm", scale / q, scale * sigma / (q * q))
         } else if nearest < 20.0 * fit.mean_reach_px * scale {
-            format!("the outlines do not show it ({:.3} ± {:.3} per metre)", 1e3 * q / scale, 1e3 * sigma / scale)
+            "the outlines do not show it".into()
         } else {
             format!(
                 "the views look parallel: the camera is farther than {nearest:.0} mm (95 %), or the lens is telecentric"
@@ -345,7 +345,7 @@ fn unmeasured(views: &[SeenView], known: &Known, start: &Line) -> Calibration {
                 offset_px: 0.0,
                 offset_sigma_px: 0.0,
                 residual_px: 0.0,
-                verdict: "good".into(),
+                verdict: Verdict::Good,
                 warnings: Vec::new(),
             })
             .collect(),

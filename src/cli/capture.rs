@@ -23,6 +23,9 @@ pub struct Arguments {
     /// (`optics.mm_per_px`), and the camera's distance where it was given there.
     #[arg(long, value_name = "FILE")]
     calibration: Option<PathBuf>,
+    /// Use the stage's angles as they are and no sideways shift of single views; both are measured and told all the same.
+    #[arg(long)]
+    no_refine: bool,
     /// Draw no outlines over the photographs, and no sheet of the calibration.
     #[arg(long)]
     no_pictures: bool,
@@ -68,6 +71,7 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         config.optics.mm_per_px_sigma = scale.sigma;
         config.optics.camera_distance_mm = scale.camera_distance_mm.or(config.optics.camera_distance_mm);
     }
+    config.optics.refine &= !arguments.no_refine;
     config.report.pictures &= !arguments.no_pictures;
     if let Some(quality) = arguments.quality {
         config.acquire.quality = quality.into();

@@ -54,16 +54,20 @@ pub(super) fn cameras_of(
             angle: t.angle,
             silhouette: &t.silhouette,
             // Its lean as this view saw it: a tilted tube leans now to one side, now to the other.
-            pedestal: stand
-                .and_then(|s| s.own.get(k).copied().flatten())
-                .map(|p| Upright {
-                    top_px: [p.centre_column, p.top_row],
-                    lean_rad: -p.top_slope.atan(),
-                    length_px: p.side_px(t.silhouette.picture[1]),
-                }),
+            pedestal: stand.and_then(|s| s.own.get(k).copied().flatten()).map(|p| Upright {
+                top_px: [p.centre_column, p.top_row],
+                lean_rad: -p.top_slope.atan(),
+                length_px: p.side_px(t.silhouette.picture[1]),
+            }),
         })
         .collect();
-    let (calibration, axis) = calibrate(&views, &known(table, origin_row_px))?;
+    let (mut calibration, axis) = calibrate(&views, &known(table, origin_row_px))?;
+    for (view, t) in calibration.views.iter_mut().zip(taken) {
+        if let Some(quality) = &t.quality {
+            view.verdict = view.verdict.max(quality.verdict);
+            view.warnings.extend(quality.warnings());
+        }
+    }
     warnings.extend(calibration.warnings.iter().cloned());
     let axis = AxisResult {
         axis_column_px: calibration.axis_column_px.value.unwrap_or(axis.column_px),

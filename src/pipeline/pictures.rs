@@ -2,6 +2,7 @@
 
 use super::result::{AxisResult, ViewResult};
 use super::{Cameras, PipelineError, Product, Taken};
+use crate::calibrate::{Calibration, Measured};
 use crate::report::{Mark, Marks, Panel, Point, Series, Sheet};
 use crate::session::event::Role;
 use rayon::prelude::*;
@@ -59,9 +60,11 @@ pub(super) fn sheet(
     taken: &[Taken],
     views: &[ViewResult],
     axis: Option<&AxisResult>,
+    calibration: Option<&Calibration>,
     warnings: &[String],
 ) -> Sheet {
     let mut figures = vec![scale_in_words(cameras)];
+    figures.extend(calibration.map(camera_in_words));
     if let Some(a) = axis {
         figures.push(format!(
             "axis: column {:.3} px in row {:.2} px (z = 0), roll {:.4}°, outlines {:.3} px apart (root mean square), by {}",
@@ -98,7 +101,11 @@ pub(super) fn sheet(
     }
     Sheet {
         title: String::new(),
-        panels: vec![extents(taken, axis), histogram(taken), agreement(views), light(taken)],
+        panels: [extents(taken, axis), histogram(taken)]
+            .into_iter()
+            .chain(calibration.into_iter().flat_map(|c| [offsets(c), angles(c)]))
+            .chain([agreement(views), light(taken)])
+            .collect(),
         figures,
         warnings: all,
     }
@@ -115,6 +122,54 @@ fn scale_in_words(cameras: &Cameras) -> String {
     let lens =
         table.camera_distance_mm.map_or("telecentric".to_owned(), |d| format!("camera {d} mm from the axis"));
     format!("scale: {:.7} mm per pixel at the axis, {sigma}; {lens}", table.mm_per_px)
+}
+
+fn camera_in_words(c: &Calibration) -> String {
+    let figure = |name: &str, m: &Measured, unit: &str, digits: usize| match (m.value, m.sigma) {
+        (Some(v), Some(s)) => format!("{name} {v:.digits$} ± {s:.digits$}{unit}"),
+        (Some(v), None) => format!("{name} {v:.digits$}{unit}"),
+        (None, _) => format!("{name} unknown"),
+    };
+    format!(
+        "{}, {}, {} ({}), {}; views stand {:.2} px (standard deviation) off each other, outlines {:.2} px",
+        figure("axis at", &c.axis_column_px, " px", 2),
+        figure("roll", &c.roll_deg, "°", 3),
+        figure("distance", &c.camera_distance_mm, " mm", 1),
+        c.camera_distance_says,
+        figure("rays rise", &c.elevation_deg, "°", 2),
+        c.wobble_px,
+        c.residual_px
+    )
+}
+
+/// Each view's sideways shift, with its standard uncertainty.
+fn offsets(c: &Calibration) -> Panel {
+    let points = c.views.iter().map(|v| Point {
+        x: v.nominal_angle_deg,
+        y: v.offset_px,
+        sigma: Some(v.offset_sigma_px),
+    });
+    Panel {
+        title: "sideways shift of each view, px (bars: one standard deviation)".into(),
+        abscissa: "angle of the table, °".into(),
+        series: vec![series("", false, points.collect())],
+        marks: vec![Mark::Level("none".into(), 0.0)],
+    }
+}
+
+/// How far each view's angle is from the table's, with its standard uncertainty.
+fn angles(c: &Calibration) -> Panel {
+    let points = c.views.iter().map(|v| Point {
+        x: v.nominal_angle_deg,
+        y: v.angle_deg - v.nominal_angle_deg,
+        sigma: Some(v.angle_sigma_deg),
+    });
+    Panel {
+        title: "grain's angle less the table's, ° (bars: one standard deviation)".into(),
+        abscissa: "angle of the table, °".into(),
+        series: vec![series("", false, points.collect())],
+        marks: vec![Mark::Level("none".into(), 0.0)],
+    }
 }
 
 fn point(x: f64, y: f64) -> Point {

@@ -204,8 +204,8 @@ pub(super) fn reconstruct(
     }
     let start = Instant::now();
     let outlines = pictures::outlines(taken, axis.as_ref())?;
-    let sheet =
-        (settings.report.pictures).then(|| pictures::sheet(cameras, taken, &views, axis.as_ref(), &warnings));
+    let sheet = (settings.report.pictures)
+        .then(|| pictures::sheet(cameras, taken, &views, axis.as_ref(), calibration.as_ref(), &warnings));
     let report_s = start.elapsed().as_secs_f64();
     let silhouette_s = taken.iter().map(|t| t.seconds).sum::<f64>();
     Ok(Reconstruction {
