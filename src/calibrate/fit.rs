@@ -36,6 +36,8 @@ pub(super) const RISE: usize = 3;
 pub(super) const SHARED: usize = 4;
 /// The least wobble believed, pixels: with a pedestal to see it by, and without.
 const LEAST_WOBBLE_PX: [f64; 2] = [0.02, 0.25];
+/// Noise that is taken off the slopes that shape the equations, pixels (standard deviation).
+const FOLLOWED_PX: f64 = 0.1;
 /// Rounds of linearising in which the spreads are sought, and rounds of each search.
 const SEARCHED_ROUNDS: usize = 2;
 const SEARCH_ROUNDS: usize = 6;
@@ -256,13 +258,15 @@ impl<'a> Round<'a> {
         };
         // The slopes of the shape as it is known so far shape the equations.
         let flat = DMatrix::zeros(2 * n, m);
-        let [mut h, mut along] = round.grid.smoothed(&round.y, hyper)?;
+        // An edge that moved is better followed than smoothed away: it would flatten the slopes.
+        let close = Hyper { edge_px: FOLLOWED_PX, noise_px: FOLLOWED_PX, ..*hyper };
+        let [mut h, mut along] = round.grid.smoothed(&round.y, &close)?;
         for _ in 0..2 {
             round.regress(&h, &along, &profiles.z_px);
             let mut known = parameters.clone();
             (known[0], known[ROLL]) = (0.0, 0.0);
             let freed = if known.iter().all(|x| *x == 0.0) { break } else { round.shape(&known) };
-            [h, along] = round.grid.smoothed(&freed, hyper)?;
+            [h, along] = round.grid.smoothed(&freed, &close)?;
         }
         if round.regressors.is_empty() {
             round.regress(&h, &flat, &profiles.z_px);

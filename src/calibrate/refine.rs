@@ -17,7 +17,7 @@ const SEEN_SIGMAS: f64 = 4.0;
 /// The slices of a real grain are not quite what the random functions are: uncertainties are this much larger than
 /// the equations say (measured over many simulated rigs: see `tests/calibration.rs`).
 const MODEST: f64 = 1.6;
-/// The same for the reciprocal distance, which small errors of the outlines move most.
+/// The same for the reciprocal distance and the rays' rise, which small errors of the outlines move most.
 const MODEST_RECIPROCAL: f64 = 2.2;
 /// What an outline may be off by on one side all along, pixels (standard deviation).
 const OUTLINE_PX: f64 = 0.08;
@@ -143,10 +143,9 @@ impl Worked {
         let sigma = |k: usize, more: f64| (MODEST * fit.sigma(k)).hypot(more);
         let scale = known.mm_per_px.value.unwrap_or(1.0);
         let (camera_distance_mm, camera_distance_says) = self.distance(known, scale, fit, &mut warnings);
-        let telecentric = camera_distance_mm.value.is_none();
         let rise = fit.parameters[RISE];
-        let rise_sigma = sigma(RISE, shared);
-        let elevation_deg = if rise.abs() > SEEN_SIGMAS * rise_sigma || !telecentric {
+        let rise_sigma = (MODEST_RECIPROCAL * fit.sigma(RISE)).hypot(shared);
+        let elevation_deg = if rise.abs() > SEEN_SIGMAS * rise_sigma {
             Measured::measured(rise.to_degrees(), rise_sigma.to_degrees())
         } else {
             Measured::assumed(0.0, Some(rise_sigma.to_degrees()))
@@ -229,7 +228,7 @@ impl Worked {
         warnings: &mut Vec<String>,
     ) -> (Measured, String) {
         let (q, sigma) = self.reciprocal;
-        let nearest = scale / (q.max(0.0) + 2.0 * sigma);
+        let nearest = scale / (q.max(0.0) + 3.0 * sigma);
         let seen = q > SEEN_SIGMAS * sigma;
         let says = if seen {
             format!("the outlines say {:.0} ± {:.0} mm", scale / q, scale * sigma / (q * q))
@@ -237,7 +236,7 @@ impl Worked {
             "the outlines do not show it".into()
         } else {
             format!(
-                "the views look parallel: the camera is farther than {nearest:.0} mm (95 %), or the lens is telecentric"
+                "the views look parallel: the camera is farther than {nearest:.0} mm, or the lens is telecentric"
             )
         };
         match known.camera_distance_mm {

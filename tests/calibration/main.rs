@@ -2,10 +2,15 @@
 //!
 //! `GRAINRIG_RIGS=200 cargo test --release --test calibration -- --nocapture` makes as many random rigs of each kind.
 
+#[path = "../kit/mod.rs"]
+mod kit;
+mod rendered;
 mod rigs;
 
 use grainrig::calibrate::{Calibration, FindingKind};
-use rigs::{Captured, Wrong, calibrated, capture, known, random};
+use grainrig::rig::simulated::Settings;
+use rayon::prelude::*;
+use rigs::{Captured, Wrong, calibrated, capture, known, laboratory, random};
 
 fn rigs(of: u64) -> u64 {
     std::env::var("GRAINRIG_RIGS").ok().and_then(|n| n.parse().ok()).unwrap_or(of)
@@ -62,118 +67,122 @@ fn errors_of(captured: &Captured, c: &Calibration, all: &mut [Errors; 5]) {
     }
 }
 
+/// Calibrates rigs side by side; what each gave, in the order of the seeds.
+fn all<T: Send>(
+    seeds: std::ops::Range<u64>,
+    settings: impl Fn(u64) -> Settings + Sync,
+    told: impl Fn(u64, &Captured, &Calibration) -> T + Sync,
+) -> Vec<T> {
+    (seeds.into_par_iter())
+        .filter_map(|seed| {
+            let captured = capture(&settings(seed)).map_err(|e| println!("rig {seed}: {e}")).ok()?;
+            let (c, _) = calibrated(&captured, &known(&captured));
+            Some(told(seed, &captured, &c))
+        })
+        .collect()
+}
+
 #[test]
 fn the_truth_of_random_rigs_lies_within_the_stated_uncertainty() {
-    let mut all: [Errors; 5] = Default::default();
-    let (mut alarms, mut made) = (Vec::new(), 0);
-    for seed in 0..rigs(50) {
-        let settings = random(seed, Wrong::Nothing);
-        let captured = match capture(&settings) {
-            Ok(captured) => captured,
-            Err(e) => {
-                println!("rig {seed}: {e}");
-                continue;
-            }
-        };
-        made += 1;
-        let (c, _) = calibrated(&captured, &known(&captured));
-        if std::env::var_os("GRAINRIG_VERBOSE").is_some() {
+    let wanted = rigs(50);
+    let made = all(
+        0..wanted,
+        |seed| random(seed, Wrong::Nothing),
+        |seed, captured, c| {
             let mut own: [Errors; 5] = Default::default();
-            errors_of(&captured, &c, &mut own);
-            let z = |e: &Errors| e.errors.iter().zip(&e.sigmas).map(|(e, s)| e / s).fold(0.0, f64::max);
-            println!(
-                "{seed} {:?} D {:?} wobble {:.2} blur {:.1} noise {:.1} bright {} | axis {:.3} ({:.1}σ) roll {:.4} ({:.1}σ) angle {:.1}σ offset {:.3} {:.1}σ residual {:.3} pedestals {}",
-                settings.grain_stl.as_ref().and_then(|p| p.file_stem()),
-                settings.camera_distance_mm,
-                settings.wobble_px,
-                settings.blur_px,
-                settings.noise_sd,
-                settings.bright_background,
-                own[0].errors[0],
-                z(&own[0]),
-                own[1].errors[0],
-                z(&own[1]),
-                z(&own[3]),
-                (own[4].errors.iter().map(|e| e * e).sum::<f64>() / 26.0).sqrt(),
-                z(&own[4]),
-                c.residual_px,
-                captured.found.iter().filter(|f| f.report.pedestal.is_some()).count()
-            );
-        }
-        errors_of(&captured, &c, &mut all);
-        if !c.findings.is_empty() {
-            alarms.push((seed, c.findings[0].text.clone()));
-        }
-        // Parallel views are not taken for a near camera, nor the other way round.
-        if let Some(d) = c.camera_distance_mm.value {
+            errors_of(captured, c, &mut own);
+            let telecentric = captured.truth.settings.camera_distance_mm.is_none();
+            // Parallel views are not taken for a near camera.
             assert!(
-                settings.camera_distance_mm.is_some(),
-                "rig {seed}: a telecentric lens was put at {d} mm"
+                !(telecentric && c.camera_distance_mm.value.is_some()),
+                "rig {seed}: {}",
+                c.camera_distance_says
             );
+            let found: Vec<String> = c.findings.iter().map(|f| format!("rig {seed}: {}", f.text)).collect();
+            (own, found)
+        },
+    );
+    // What the simulator refuses (a body too large for its picture) is no rig; nearly all are one.
+    assert!(made.len() as u64 * 10 >= wanted * 9, "only {} rigs of {wanted}", made.len());
+    let mut errors: [Errors; 5] = Default::default();
+    for (own, _) in &made {
+        for (all, own) in errors.iter_mut().zip(own) {
+            all.errors.extend(&own.errors);
+            all.sigmas.extend(&own.sigmas);
         }
     }
     println!("| quantity | n | median error | 95 % of errors below | median sigma | within 2 sigma |");
     println!("| --- | --- | --- | --- | --- | --- |");
     let names = ["axis column, px", "roll, °", "camera distance, %", "view's angle, °", "view's offset, px"];
-    let shares: Vec<f64> = all.iter().zip(names).map(|(e, name)| e.tell(name)).collect();
-    println!("{made} rigs, {} false alarms: {alarms:?}", alarms.len());
+    let shares: Vec<f64> = errors.iter().zip(names).map(|(e, name)| e.tell(name)).collect();
+    let alarms: Vec<&String> = made.iter().flat_map(|m| &m.1).collect();
+    println!("{} rigs, {} false alarms: {alarms:?}", made.len(), alarms.len());
     assert!(alarms.is_empty(), "clean rigs raised {alarms:?}");
-    for (share, name) in shares.iter().zip(names) {
-        assert!(*share >= 0.95, "{name}: only {:.1} % of the truths lie within 2 sigma", 100.0 * share);
+    for ((share, name), e) in shares.iter().zip(names).zip(&errors) {
+        // With few (distances are not always seen) one may be out.
+        let allowed = (0.05 * e.errors.len() as f64).max(1.0) / e.errors.len() as f64;
+        assert!(
+            1.0 - share <= allowed,
+            "{name}: only {:.1} % of the truths lie within 2 sigma",
+            100.0 * share
+        );
     }
 }
 
-/// Rigs with something wrong: how many were found, named and located.
-fn found(rigs: u64, wrong: impl Fn(u64) -> Wrong, kind: FindingKind) -> (usize, usize, usize) {
-    let (mut made, mut named, mut located) = (0, 0, 0);
-    for seed in 1000..1000 + rigs {
-        let wrong = wrong(seed);
-        let Ok(captured) = capture(&random(seed, wrong)) else { continue };
-        made += 1;
-        let (c, _) = calibrated(&captured, &known(&captured));
-        let what: Vec<&str> = c.findings.iter().map(|f| f.text.as_str()).collect();
-        println!("{wrong:?}: {what:?}");
-        let Some(first) = c.findings.first().filter(|f| f.kind == kind && c.findings.len() == 1) else {
-            continue;
-        };
-        named += 1;
-        let place = match wrong {
-            // Exposures and views are the same; the k-th move leads to view k + 1.
-            Wrong::Slip(at, _) => Some(at),
-            Wrong::LostStep(at) => Some(at + 1),
-            _ => None,
-        };
-        located +=
-            usize::from(place.is_none_or(|p| first.between.is_some_and(|[a, b]| (a..=b).contains(&p))));
-    }
-    println!("{kind:?}: {made} rigs, {named} named, {located} located");
-    (made, named, located)
+#[test]
+fn clean_rigs_raise_no_alarm() {
+    let made = all(
+        2000..2000 + rigs(24),
+        |seed| laboratory(seed, Wrong::Nothing),
+        |seed, _, c| c.findings.iter().map(|f| format!("rig {seed}: {}", f.text)).collect::<Vec<_>>(),
+    );
+    let alarms: Vec<&String> = made.iter().flatten().collect();
+    println!("{} clean rigs, {} false alarms", made.len(), alarms.len());
+    assert!(alarms.is_empty(), "{alarms:?}");
+}
+
+/// Rigs with something wrong: how many there were, were named, and were located.
+fn found(rigs: u64, wrong: impl Fn(u64) -> Wrong + Sync, kind: FindingKind) -> [usize; 3] {
+    let made = all(
+        1000..1000 + rigs,
+        |seed| laboratory(seed, wrong(seed)),
+        |seed, _, c| {
+            let what: Vec<&str> = c.findings.iter().map(|f| f.text.as_str()).collect();
+            println!("rig {seed}, {:?}: {what:?}", wrong(seed));
+            let first = c.findings.first().filter(|f| f.kind == kind && c.findings.len() == 1);
+            let place = match wrong(seed) {
+                // Exposures and views are the same; the k-th move leads to view k + 1.
+                Wrong::Slip(at, _) => Some(at),
+                Wrong::LostStep(at) => Some(at + 1),
+                Wrong::Nothing | Wrong::StepRatio(_) => None,
+            };
+            let located = first
+                .is_some_and(|f| place.is_none_or(|p| f.between.is_some_and(|[a, b]| (a..=b).contains(&p))));
+            [true, first.is_some(), located]
+        },
+    );
+    let counts = [0, 1, 2].map(|k| made.iter().filter(|m| m[k]).count());
+    println!("{kind:?}: {} rigs, {} named, {} located", counts[0], counts[1], counts[2]);
+    counts
 }
 
 #[test]
 fn a_slip_is_named_and_located() {
-    let at = |seed: u64| 1 + (seed as usize * 7) % 24;
-    let (made, named, located) = found(
-        rigs(12),
-        |seed| Wrong::Slip(at(seed), if seed % 2 == 0 { 1.0 } else { -1.3 }),
-        FindingKind::Slip,
-    );
-    assert!(named == made && located * 10 >= made * 9, "{made} {named} {located}");
+    let wrong = |seed: u64| Wrong::Slip(1 + (seed as usize * 7) % 24, if seed % 2 == 0 { 1.0 } else { -1.3 });
+    let [made, named, located] = found(rigs(8), wrong, FindingKind::Slip);
+    assert!(named == made && located == made, "{made} {named} {located}");
 }
 
 #[test]
 fn a_lost_step_is_named_and_located() {
-    let (made, named, located) =
-        found(rigs(12), |seed| Wrong::LostStep((seed as usize * 5) % 24), FindingKind::LostSteps);
-    assert!(named == made && located * 10 >= made * 9, "{made} {named} {located}");
+    let wrong = |seed: u64| Wrong::LostStep((seed as usize * 5) % 24);
+    let [made, named, located] = found(rigs(8), wrong, FindingKind::LostSteps);
+    assert!(named == made && located == made, "{made} {named} {located}");
 }
 
 #[test]
 fn a_wrong_step_size_is_named() {
-    let (made, named, _) = found(
-        rigs(12),
-        |seed| Wrong::StepRatio(if seed % 2 == 0 { 1.01 } else { 0.99 }),
-        FindingKind::StepSize,
-    );
+    let wrong = |seed: u64| Wrong::StepRatio(if seed % 2 == 0 { 1.01 } else { 0.99 });
+    let [made, named, _] = found(rigs(8), wrong, FindingKind::StepSize);
     assert!(named == made, "{made} {named}");
 }

@@ -46,7 +46,21 @@ pub enum Wrong {
     StepRatio(f64),
 }
 
-/// A rig anywhere within the limits that the laboratory's own would keep.
+/// A rig as it stands in the laboratory: in focus, well lit, its wobble below half a pixel; the rest at random.
+pub fn laboratory(seed: u64, wrong: Wrong) -> Settings {
+    let mut draw = Draw::new(seed ^ 0x1ab);
+    let rig = random(seed, wrong);
+    Settings {
+        mm_per_px: 0.0033,
+        wobble_px: draw.between(0.0, 0.5),
+        blur_px: draw.between(0.6, 1.2),
+        noise_sd: draw.between(0.5, 2.0),
+        bright_background: true,
+        ..rig
+    }
+}
+
+/// A rig anywhere within wide limits.
 pub fn random(seed: u64, wrong: Wrong) -> Settings {
     let mut draw = Draw::new(seed);
     let folder = PathBuf::from("../shared/data/grains");
@@ -156,12 +170,11 @@ pub fn calibrated(captured: &Captured, known: &Known) -> (Calibration, Axis) {
             index,
             angle: captured.angles[index],
             silhouette: &f.silhouette,
-            pedestal: captured.own[index]
-                .map(|p| Upright {
-                    top_px: [p.centre_column, p.top_row],
-                    lean_rad: -p.top_slope.atan(),
-                    length_px: p.side_px(f.silhouette.picture[1]),
-                }),
+            pedestal: captured.own[index].map(|p| Upright {
+                top_px: [p.centre_column, p.top_row],
+                lean_rad: -p.top_slope.atan(),
+                length_px: p.side_px(f.silhouette.picture[1]),
+            }),
         })
         .collect();
     calibrate(&views, known).expect("a closing view shows the axis")
