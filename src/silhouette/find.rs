@@ -172,9 +172,13 @@ fn look(
     let apart = grain;
     // What stands on the pedestal is the grain, however large another thing in the picture is.
     let mut grain = match &pedestal {
-        Some(p) => apart.largest_that(|x, y| {
-            p.below_top(x, y).is_some_and(|d| d <= 0.0 && -d <= RESTING.max(CLEAR_OF_BLUR * p.blur))
-        }),
+        Some(p) => {
+            let resting = RESTING.max(CLEAR_OF_BLUR * p.blur);
+            let first = p.clear_above(apart.width, resting);
+            apart.largest_that(|x, y| {
+                y >= first && p.below_top(x, y).is_some_and(|d| d <= 0.0 && -d <= resting)
+            })
+        }
         None => apart.largest(),
     };
     let area = grain.area();
@@ -219,12 +223,13 @@ fn look(
 
 /// Mean value of the plane in a mask, in the plane's units.
 fn mean_level(plane: &Plane, mask: &Mask) -> f64 {
-    let sum: f64 = (plane.values.iter().zip(&mask.bits)).map(|(&v, &b)| f64::from(v) * f64::from(b)).sum();
-    sum / mask.area().max(1) as f64
+    let sum: i64 = (plane.values.iter().zip(&mask.bits)).map(|(&v, &b)| i64::from(v) * i64::from(b)).sum();
+    sum as f64 / mask.area().max(1) as f64
 }
 
 fn clear_below(mask: &mut Mask, pedestal: &Pedestal) {
-    for (y, row) in mask.bits.chunks_exact_mut(mask.width).enumerate() {
+    let above = pedestal.clear_above(mask.width, 0.0).max(0.0) as usize;
+    for (y, row) in mask.bits.chunks_exact_mut(mask.width).enumerate().skip(above) {
         for (x, bit) in row.iter_mut().enumerate().filter(|(_, bit)| **bit != 0) {
             if pedestal.below_top(x as f64, y as f64).is_some_and(|d| d > 0.0) {
                 *bit = 0;
@@ -248,7 +253,8 @@ fn finish(
         let (runs, _) = occupied.components(Connect::Corners);
         let joined = runs.iter().find(|r| grain.bits[r.row * w + r.start..r.row * w + r.end].contains(&1));
         let component = joined.map(|r| r.component);
-        for run in runs.iter().filter(|r| Some(r.component) == component) {
+        let above = pedestal.clear_above(w, 0.0).max(0.0) as usize;
+        for run in runs.iter().filter(|r| Some(r.component) == component && r.row >= above) {
             for x in run.start..run.end {
                 if pedestal.below_top(x as f64, run.row as f64).is_some_and(|d| d > 0.0) {
                     body.bits[run.row * w + x] = 1;
@@ -275,21 +281,24 @@ fn finish(
         distance_px: distance::signed(&placed.field),
     };
     let mut report = report(frame, scene, seen, &silhouette);
-    let above = |x: f64, y: f64| pedestal.is_none_or(|p| p.below_top(x, y).is_none_or(|d| d <= 0.0));
+    let clear = pedestal.map_or(f64::INFINITY, |p| p.clear_above(plane.width, 0.0));
+    let above =
+        |x: f64, y: f64| y < clear || pedestal.is_none_or(|p| p.below_top(x, y).is_none_or(|d| d <= 0.0));
     let otsu = [seen.threshold_two, seen.thresholds_three[0]];
     [report.area_otsu_two_px, report.area_otsu_three_px] =
         otsu.map(|threshold| plain::area_px(plane, &silhouette, threshold, above));
     let shift = |area: f64| (area - report.area_px) / report.outline_length_px.max(1.0);
     report.shift_otsu_two_px = shift(report.area_otsu_two_px);
     report.shift_otsu_three_px = shift(report.area_otsu_three_px);
-    let uncut = report.pedestal.map(|p| uncut(&placed, p.top_row));
+    let uncut =
+        placed.uncut.zip(report.pedestal).map(|(whole, p)| uncut(&whole, placed.origin[1], p.top_row));
     Ok(Found { silhouette, report, uncut, histogram: seen.histogram.clone(), blur_px: placed.blur_px })
 }
 
 /// The last rows of a silhouette's rectangle, from a little above the pedestal's top on, before the cut.
-fn uncut(placed: &Placed, top_row: f64) -> Uncut {
-    let outline::Field { width, height, values } = &placed.uncut;
-    let above = (top_row.max(0.0) as usize).saturating_sub(placed.origin[1] + recut::ROWS);
+fn uncut(whole: &outline::Field, first_row: usize, top_row: f64) -> Uncut {
+    let outline::Field { width, height, values } = whole;
+    let above = (top_row.max(0.0) as usize).saturating_sub(first_row + recut::ROWS);
     let first = above.min(*height);
     Uncut { first, values: values[first * width..].to_vec() }
 }
@@ -297,8 +306,8 @@ fn uncut(placed: &Placed, top_row: f64) -> Uncut {
 /// An outline in the rectangle around it.
 struct Placed {
     field: outline::Field,
-    /// The same before the pedestal was cut off.
-    uncut: outline::Field,
+    /// The same before the pedestal was cut off, where there is one.
+    uncut: Option<outline::Field>,
     /// Column and row of the first pixel in the picture.
     origin: [usize; 2],
     /// Standard deviation of the outline's blur, pixels.
@@ -318,6 +327,10 @@ fn place(seen: &Seen, body: &Mask, window: &Rect, whole: &Rect) -> Option<Placed
     let below_top = |x: f64, y: f64| {
         pedestal.as_ref().and_then(|p| p.below_top(x + window.x0 as f64, y + window.y0 as f64))
     };
+    // A row of the window above which all is further than so many pixels above the top.
+    let clear_above = |pixels: f64| {
+        pedestal.map_or(f64::INFINITY, |p| p.clear_above(plane.width, pixels)) - window.y0 as f64
+    };
     let smooth = window.part_of(&seen.smooth, plane.width);
     let (plane, occupied) = (plane.part(window), occupied.part(window));
     let mut body = body.part(window);
@@ -328,9 +341,11 @@ fn place(seen: &Seen, body: &Mask, window: &Rect, whole: &Rect) -> Option<Placed
         if !holds(&body.bounds()?, outline::reach(band)) {
             return None;
         }
+        let reach = band as f64;
+        let clear = clear_above(reach);
         let excluded = |x: usize, y: usize| {
-            let reach = band as f64;
-            below_top(x as f64, y as f64).is_some_and(|d| d > -reach)
+            let (x, y) = (x as f64, y as f64);
+            y >= clear && below_top(x, y).is_some_and(|d| d > -reach)
         };
         let field = outline::place(
             &plane,
@@ -356,9 +371,10 @@ fn place(seen: &Seen, body: &Mask, window: &Rect, whole: &Rect) -> Option<Placed
         }
         (band, body) = (wider, placed);
     };
-    let uncut = field.clone();
+    let uncut = pedestal.is_some().then(|| field.clone());
     if pedestal.is_some() {
-        field.cut(below_top);
+        let clear = clear_above(1.0);
+        field.cut(|x, y| if y < clear { None } else { below_top(x, y) });
     }
     field.keep_largest();
     let bounds = field.inside().bounds()?;
@@ -373,7 +389,7 @@ fn place(seen: &Seen, body: &Mask, window: &Rect, whole: &Rect) -> Option<Placed
         height: part.height(),
         values: part.part_of(&field.values, field.width),
     };
-    Some(Placed { field: cropped(&field), uncut: cropped(&uncut), origin, blur_px })
+    Some(Placed { field: cropped(&field), uncut: uncut.as_ref().map(cropped), origin, blur_px })
 }
 
 /// Pixels around an outline's extent in which distances are given.

@@ -99,15 +99,41 @@ struct Levels {
     background: Vec<[f32; 2]>,
 }
 
-/// Places within reach of a pixel, nearest first: columns, rows away from it, and the distance squared.
-fn places(reach: usize) -> Vec<(isize, isize, usize)> {
-    let side = reach as isize;
-    let mut places: Vec<_> = (-side..=side)
-        .flat_map(|dy| (-side..=side).map(move |dx| (dx, dy, (dx * dx + dy * dy) as usize)))
-        .filter(|p| p.2 <= reach * reach)
-        .collect();
-    places.sort_by_key(|p| p.2);
-    places
+/// Places within reach of a pixel, nearest first.
+struct Places {
+    reach: usize,
+    /// Width and height of the plane.
+    size: [usize; 2],
+    /// Columns and rows away from the pixel, the same row-major, and the distance squared.
+    list: Vec<([isize; 2], isize, usize)>,
+}
+
+impl Places {
+    fn new(reach: usize, plane: &Plane) -> Self {
+        let size = [plane.width, plane.height];
+        let side = reach as isize;
+        let mut list: Vec<_> = (-side..=side)
+            .flat_map(|dy| (-side..=side).map(move |dx| [dx, dy]))
+            .map(|[dx, dy]| ([dx, dy], dy * size[0] as isize + dx, (dx * dx + dy * dy) as usize))
+            .filter(|p| p.2 <= reach * reach)
+            .collect();
+        list.sort_by_key(|p| p.2);
+        Self { reach, size, list }
+    }
+
+    /// Those about a pixel that lie in the plane: their numbers, row-major, and the distances squared.
+    fn about(&self, [x, y]: [usize; 2]) -> impl Iterator<Item = (usize, usize)> {
+        let [w, h] = self.size;
+        let far = |at: usize, size: usize| at >= self.reach && at + self.reach < size;
+        let clear = far(x, w) && far(y, h);
+        self.list.iter().filter_map(move |([dx, dy], away, distance2)| {
+            let within = || {
+                let (i, j) = (x.checked_add_signed(*dx)?, y.checked_add_signed(*dy)?);
+                (i < w && j < h).then_some(())
+            };
+            (clear || within().is_some()).then(|| ((y * w + x).wrapping_add_signed(*away), *distance2))
+        })
+    }
 }
 
 impl Levels {
@@ -116,35 +142,31 @@ impl Levels {
         let (w, h) = (plane.width, plane.height);
         let edge = edge(parts.body);
         let reach = deepest(parts.band);
-        let near = places(reach + parts.band);
-        let at = |[x, y]: [usize; 2], &(dx, dy, _): &(isize, isize, usize)| {
-            let (i, j) = (x.checked_add_signed(dx)?, y.checked_add_signed(dy)?);
-            (i < w && j < h).then_some(j * w + i)
-        };
-        // How deep each grain pixel lies below the edge.
-        let mut depth2 = vec![u32::MAX; w * h];
-        let disc = places(reach);
+        let near = Places::new(reach + parts.band, plane);
+        // How deep each grain pixel lies below the edge: by how much less than the reach, squares, and one.
+        let mut less2 = vec![0u16; w * h];
+        let disc = Places::new(reach, plane);
         for &pixel in &edge {
-            for place in &disc {
-                if let Some(k) = at(pixel, place).filter(|&k| inner.bits[k] != 0) {
-                    depth2[k] = depth2[k].min(place.2 as u32);
+            for (k, distance2) in disc.about(pixel) {
+                if inner.bits[k] != 0 {
+                    less2[k] = less2[k].max((reach * reach + 1 - distance2) as u16);
                 }
             }
         }
-        let root = |k: usize| (f64::from(depth2[k]).sqrt() + 0.5).sqrt();
+        let depths2 = (0..reach * reach + 2).map(|less| (reach * reach + 1 - less) as f64);
+        let roots: Vec<f64> = depths2.map(|d| (d.sqrt() + 0.5).sqrt()).collect();
         let read: Vec<[Option<f32>; 2]> = (edge.par_iter())
             .map(|&pixel| {
                 let mut grain = Limb::default();
                 let (mut sum, mut n) = (0_i64, 0_u32);
-                for place in &near {
-                    let deep = place.2 <= reach * reach;
+                for (k, distance2) in near.about(pixel) {
+                    let deep = distance2 <= reach * reach;
                     if !deep && n >= SAMPLES {
                         break;
                     }
-                    let Some(k) = at(pixel, place) else { continue };
                     if inner.bits[k] != 0 {
                         if deep && !(parts.excluded)(k % w, k / w) {
-                            grain.add(root(k), f64::from(level(plane.values[k])));
+                            grain.add(roots[usize::from(less2[k])], f64::from(level(plane.values[k])));
                         }
                     } else if n < SAMPLES && taken.bits[k] == 0 {
                         sum += i64::from(plane.values[k]);
@@ -156,11 +178,13 @@ impl Levels {
             })
             .collect();
         let mut out = Self { grain: vec![[0.0; 2]; w * h], background: vec![[0.0; 2]; w * h] };
-        let around = places(parts.band + 2);
+        let around = Places::new(parts.band + 2, plane);
         for (&pixel, [grain, background]) in edge.iter().zip(&read) {
-            for place in &around {
-                let Some(k) = at(pixel, place).filter(|&k| inner.bits[k] != outer.bits[k]) else { continue };
-                let weight = 1.0 / (0.5 + place.2 as f32);
+            for (k, distance2) in around.about(pixel) {
+                if inner.bits[k] == outer.bits[k] {
+                    continue;
+                }
+                let weight = 1.0 / (0.5 + distance2 as f32);
                 for (sums, level) in [(&mut out.grain, grain), (&mut out.background, background)] {
                     if let Some(level) = level {
                         sums[k][0] += weight * level;
@@ -173,16 +197,26 @@ impl Levels {
     }
 }
 
-/// The body's pixels that have a neighbour outside it.
+/// The body's pixels that have a neighbour outside it, row by row.
 fn edge(body: &Mask) -> Vec<[usize; 2]> {
     let (w, h) = (body.width, body.height);
-    let open = |x: usize, y: usize| {
-        (x > 0 && !body.get(x - 1, y))
-            || (x + 1 < w && !body.get(x + 1, y))
-            || (y > 0 && !body.get(x, y - 1))
-            || (y + 1 < h && !body.get(x, y + 1))
-    };
-    (0..w * h).filter(|&k| body.bits[k] != 0 && open(k % w, k / w)).map(|k| [k % w, k / w]).collect()
+    let row = |y: usize| &body.bits[y * w..][..w];
+    let mut found = Vec::new();
+    let mut open = vec![0u8; w];
+    for y in 0..h {
+        let (above, here, below) = (row(y.saturating_sub(1)), row(y), row((y + 1).min(h - 1)));
+        for (((open, a), b), c) in open.iter_mut().zip(above).zip(here).zip(below) {
+            *open = b & (1 - (a & c));
+        }
+        for ((open, a), b) in open[1..].iter_mut().zip(here).zip(&here[1..]) {
+            *open |= b & (1 - a);
+        }
+        for ((open, b), c) in open.iter_mut().zip(here).zip(&here[1..]) {
+            *open |= b & (1 - c);
+        }
+        found.extend(memchr::memchr_iter(1, &open).map(|x| [x, y]));
+    }
+    found
 }
 
 /// A straight line through the grain's level over the root of the depth below its outline.

@@ -57,6 +57,12 @@ impl Pedestal {
         self.top[0] + self.top[1] * x
     }
 
+    /// A row of a plane of this width above which everything is further than so many pixels above the top.
+    pub(super) fn clear_above(&self, width: usize, pixels: f64) -> f64 {
+        // A row more than needed, against rounding.
+        self.top_at(0.0).min(self.top_at(width as f64)) - pixels * self.top[1].hypot(1.0) - 1.0
+    }
+
     /// Columns of both sides at a row.
     pub(super) fn sides_at(&self, y: f64) -> [f64; 2] {
         [self.left[0] + self.left[1] * y, self.right[0] + self.right[1] * y]
