@@ -222,6 +222,9 @@ pub(super) fn fit(
     fitted
 }
 
+/// One of the spreads, to be changed.
+type Entry = fn(&mut Hyper) -> &mut f64;
+
 struct Solved {
     parameters: DVector<f64>,
     covariance: DMatrix<f64>,
@@ -396,7 +399,6 @@ impl<'a> Round<'a> {
         let with_pedestals = !self.pedestals.is_empty();
         let least_wobble = LEAST_WOBBLE_PX[usize::from(!with_pedestals)];
         let likelihood = |h: &Hyper| self.solve(h).map_or(f64::NEG_INFINITY, |s| s.log_likelihood);
-        type Entry = fn(&mut Hyper) -> &mut f64;
         let entries: [(Entry, f64, f64); 6] = [
             (|h| &mut h.curvature_px, 0.1, 1e4),
             (|h| &mut h.edge_px, 0.02, 10.0),

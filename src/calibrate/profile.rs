@@ -39,6 +39,7 @@ impl Line {
 
 /// Extents of all views at common heights.
 #[derive(Debug, Clone, PartialEq)]
+#[allow(clippy::struct_field_names, reason = "the unit stands in each name")]
 pub(super) struct Profiles {
     /// Heights above the foot, pixels, ascending and even.
     pub z_px: Vec<f64>,

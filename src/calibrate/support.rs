@@ -47,8 +47,8 @@ pub(super) struct Grid {
     free_slope: DMatrix<f64>,
 }
 
-/// Heights in the combinations in which both shape and noise are independent: with N = LLᵀ the noise's covariance and
-/// L⁻¹KL⁻ᵀ = UΛUᵀ, reaches times L⁻ᵀU have unit noise and the shape's variances Λ.
+/// Heights in the combinations in which both shape and noise are independent: with `N = LLᵀ` the noise's covariance and
+/// `L⁻¹KL⁻ᵀ = UΛUᵀ`, reaches times `L⁻ᵀU` have unit noise and the shape's variances `Λ`.
 struct Modes {
     transform: DMatrix<f64>,
     inverse: DMatrix<f64>,

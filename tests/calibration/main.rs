@@ -168,7 +168,7 @@ fn found(rigs: u64, wrong: impl Fn(u64) -> Wrong + Sync, kind: FindingKind) -> [
 
 #[test]
 fn a_slip_is_named_and_located() {
-    let wrong = |seed: u64| Wrong::Slip(1 + (seed as usize * 7) % 24, if seed % 2 == 0 { 1.0 } else { -1.3 });
+    let wrong = |seed: u64| Wrong::Slip(1 + (seed as usize * 7) % 24, if seed.is_multiple_of(2) { 1.0 } else { -1.3 });
     let [made, named, located] = found(rigs(8), wrong, FindingKind::Slip);
     // A flaky grain that moved by a degree between two edge-on views can look as if it had not.
     assert!(named + 1 >= made && located + 1 >= made, "{made} {named} {located}");
@@ -183,7 +183,7 @@ fn a_lost_step_is_named_and_located() {
 
 #[test]
 fn a_wrong_step_size_is_named() {
-    let wrong = |seed: u64| Wrong::StepRatio(if seed % 2 == 0 { 1.01 } else { 0.99 });
+    let wrong = |seed: u64| Wrong::StepRatio(if seed.is_multiple_of(2) { 1.01 } else { 0.99 });
     let [made, named, _] = found(rigs(8), wrong, FindingKind::StepSize);
     // One per cent is 1.8° at the end, spread evenly: it is often taken for a slip, or for nothing.
     assert!(3 * named >= made, "{made} {named}");
