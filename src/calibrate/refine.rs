@@ -21,6 +21,8 @@ const MODEST: f64 = 1.6;
 const MODEST_RECIPROCAL: f64 = 2.2;
 /// What an outline may be off by on one side all along, pixels (standard deviation).
 const OUTLINE_PX: f64 = 0.08;
+/// Widest gap between views over which slips can be told, degrees.
+const WIDEST_GAP_DEG: f64 = 20.0;
 /// A view's shift beyond this many times what is usual is worth a word.
 const FAR_SIGMAS: f64 = 4.0;
 
@@ -35,6 +37,8 @@ pub struct SeenView<'a> {
     pub silhouette: &'a Silhouette,
     /// The pedestal, where it was seen.
     pub pedestal: Option<Upright>,
+    /// Whether the outline may be wrong (see the view's quality).
+    pub bad: bool,
 }
 
 /// What is known of the rig beforehand.
@@ -106,7 +110,7 @@ struct Worked {
 impl Worked {
     fn of(views: &[SeenView], samples: &[Sample], known: &Known, start: &Line, sense: f64) -> Option<Self> {
         let exactly = |value: f64| Prior { value, sigma: 1e-9 };
-        let mut priors = Priors {
+        let priors = Priors {
             column_px: known.axis_column_px.map(|c| Prior { value: c, sigma: 1e-6 }),
             roll_rad: known.roll_deg.map(|r| exactly(r.to_radians())),
             reciprocal: None,
@@ -114,7 +118,12 @@ impl Worked {
         let angles = |sense: f64| -> Vec<f64> { views.iter().map(|v| sense * v.angle.rad()).collect() };
         let mut sense = sense;
         let first = fit(samples, &angles(sense), &priors, start, Spreads::Sought, ROUNDS)?;
-        let mut turning = turning::look(samples, &angles(sense), &priors, first);
+        let blind = blind(views);
+        let look = |angles: &[f64], first: Fit| match blind {
+            None => turning::look(samples, angles, &priors, first),
+            Some(_) => Turning { found: Vec::new(), angles: angles.to_vec(), fit: first },
+        };
+        let mut turning = look(&angles(sense), first);
         let told = |f: &Fit| (f.parameters[RECIPROCAL], MODEST_RECIPROCAL * f.sigma(RECIPROCAL));
         let (q, sigma) = told(&turning.fit);
         // Seen from a finite distance, the grain's mirror image turning the other way would need a camera behind it.
@@ -122,11 +131,12 @@ impl Worked {
             sense = -sense;
             let line = turning.fit.line;
             let first = fit(samples, &angles(sense), &priors, &line, Spreads::Sought, ROUNDS)?;
-            turning = turning::look(samples, &angles(sense), &priors, first);
+            turning = look(&angles(sense), first);
         }
         let reciprocal = told(&turning.fit);
         let sense_seen = reciprocal.0 > SEEN_SIGMAS * reciprocal.1;
         if let (Some(distance), Some(scale)) = (known.camera_distance_mm, known.mm_per_px.value) {
+            let mut priors = priors;
             priors.reciprocal = Some(exactly(scale / distance));
             let Turning { found, angles, fit: former } = turning;
             let fit = fit(samples, &angles, &priors, &former.line, Spreads::Known(former.hyper), ROUNDS)?;
@@ -177,6 +187,7 @@ impl Worked {
             .collect();
         let findings: Vec<Finding> = found.iter().map(|f| self.finding(f, views, known)).collect();
         warnings.extend(findings.iter().map(|f| f.text.clone()));
+        warnings.extend(blind(views));
         let counter_clockwise = self.sense > 0.0;
         if counter_clockwise == known.clockwise {
             warnings.push(format!(
@@ -314,6 +325,31 @@ impl Worked {
             }
         }
     }
+}
+
+/// Why slips cannot be told, where they cannot: the outlines must be right, and reach round the grain.
+fn blind(views: &[SeenView]) -> Option<String> {
+    if let Some(bad) = views.iter().find(|v| v.bad) {
+        return Some(format!(
+            "slips and lost steps were not looked for, as view {} is bad: take it again",
+            bad.index
+        ));
+    }
+    // The outline's two sides look half a turn apart.
+    let mut directions: Vec<f64> = views
+        .iter()
+        .flat_map(|v| [0.0, 180.0].map(|side| (v.angle.deg() + side).rem_euclid(360.0)))
+        .collect();
+    directions.sort_by(f64::total_cmp);
+    let wrapped = directions.first().map(|first| first + 360.0);
+    let gaps = directions.iter().zip(directions.iter().skip(1).copied().chain(wrapped)).map(|(a, b)| b - a);
+    let widest = gaps.fold(0.0, f64::max);
+    (widest > WIDEST_GAP_DEG).then(|| {
+        format!(
+            "slips and lost steps were not looked for: {widest:.0}° lie between two neighbouring views, {WIDEST_GAP_DEG}° \
+             at most would do"
+        )
+    })
 }
 
 /// Too few views or rows to hold against one another: what is given or was found at first stands.

@@ -5,7 +5,7 @@ use super::result::AxisResult;
 use super::{Cameras, PipelineError, TurntableSettings};
 use crate::calibrate::{self, Calibration, Known, SeenView, Upright, calibrate};
 use crate::geometry::Projection;
-use crate::silhouette::{Silhouette, Stand};
+use crate::silhouette::{Silhouette, Stand, Verdict};
 
 /// The motor of the rig: degrees in a full step.
 const FULL_STEP_DEG: f64 = 0.9;
@@ -53,6 +53,7 @@ pub(super) fn cameras_of(
             index: t.index,
             angle: t.angle,
             silhouette: &t.silhouette,
+            bad: t.quality.as_ref().is_some_and(|q| q.verdict == Verdict::Bad),
             // Its lean as this view saw it: a tilted tube leans now to one side, now to the other.
             pedestal: stand.and_then(|s| s.own.get(k).copied().flatten()).map(|p| Upright {
                 top_px: [p.centre_column, p.top_row],

@@ -119,8 +119,9 @@ fn scale_in_words(cameras: &Cameras) -> String {
         || "its uncertainty is not known".to_owned(),
         |s| format!("± {s:.7} ({:.4} %, one standard deviation)", 100.0 * s / table.mm_per_px),
     );
-    let lens =
-        table.camera_distance_mm.map_or("telecentric".to_owned(), |d| format!("camera {d} mm from the axis"));
+    let lens = table
+        .camera_distance_mm
+        .map_or("no distance given".to_owned(), |d| format!("camera {d} mm from the axis"));
     format!("scale: {:.7} mm per pixel at the axis, {sigma}; {lens}", table.mm_per_px)
 }
 

@@ -34,6 +34,8 @@ const LEAST_SAMPLES: u32 = 6;
 const LEAST_SLOPED: f64 = 16.0;
 /// A level seldom changes towards the outline by more than this share of itself per root of a pixel.
 const STEEP: f64 = 0.06;
+/// A level that changes by more than this many times as much lies on the ramp of a smeared edge, not on a limb.
+const RAMP: f64 = 2.7;
 /// Light of a body that ends in a limb reaches an edge blurred by σ from about this many σ inside:
 /// E(√|z|)² of a normal variable, 2^½ Γ(3/4)²/π.
 const FROM_INSIDE: f64 = 0.676;
@@ -258,7 +260,8 @@ impl Limb {
         }
         let rest = ((yy - xy * xy / xx) / (self.n - 2.0)).max(0.0);
         let slope = xy / (xx + rest / (STEEP * my).powi(2).max(1e-6));
-        Some(my + slope * (root - mx))
+        let smeared = slope.abs() > RAMP * STEEP * my;
+        Some(if smeared { my } else { my + slope * (root - mx) })
     }
 }
 

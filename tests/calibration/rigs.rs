@@ -170,6 +170,7 @@ pub fn calibrated(captured: &Captured, known: &Known) -> (Calibration, Axis) {
             index,
             angle: captured.angles[index],
             silhouette: &f.silhouette,
+            bad: false,
             pedestal: captured.own[index].map(|p| Upright {
                 top_px: [p.centre_column, p.top_row],
                 lean_rad: -p.top_slope.atan(),
