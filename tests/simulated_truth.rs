@@ -116,7 +116,7 @@ fn so_has_a_grain_in_another_light_before_another_lens() {
         ("uneven light", "background_unevenness = 0.4\n", 0.005),
         ("a pinhole", "camera_distance_mm = 60.0\n[optics]\ncamera_distance_mm = 60.0\n", 0.005),
         // The limb of a grain that is lit from the front is darker than its face.
-        ("a dark background", "bright_background = false\n", 0.006),
+        ("a dark background", "bright_background = false\n", 0.005),
         ("out of focus", "blur_px = 3.0\n", 0.01),
         ("a rough file", "jpeg_quality = 75\n", 0.005),
     ] {

@@ -34,8 +34,6 @@ const LEAST_SAMPLES: u32 = 6;
 const LEAST_SLOPED: f64 = 16.0;
 /// A level seldom changes towards the outline by more than this share of itself per root of a pixel.
 const STEEP: f64 = 0.06;
-/// A level that changes by more than this many times as much lies on the ramp of a smeared edge, not on a limb.
-const RAMP: f64 = 2.7;
 /// Light of a body that ends in a limb reaches an edge blurred by σ from about this many σ inside:
 /// E(√|z|)² of a normal variable, 2^½ Γ(3/4)²/π.
 const FROM_INSIDE: f64 = 0.676;
@@ -176,7 +174,7 @@ impl Levels {
                     }
                 }
                 let background = (n >= LEAST_SAMPLES).then(|| sum as f32 / n as f32 / PER_LEVEL);
-                [grain.level((FROM_INSIDE * parts.blur).sqrt()).map(|v| v as f32), background]
+                [grain.level(parts.blur).map(|v| v as f32), background]
             })
             .collect();
         let mut out = Self { grain: vec![[0.0; 2]; w * h], background: vec![[0.0; 2]; w * h] };
@@ -246,9 +244,10 @@ impl Limb {
         self.yy += level * level;
     }
 
-    /// The level at a root of the depth; `None` where too little of the grain is seen. The line's slope is drawn
+    /// The level at an edge of this blur; `None` where too little of the grain is seen. The line's slope is drawn
     /// towards 0 as far as what lies about the line makes it unsure.
-    fn level(&self, root: f64) -> Option<f64> {
+    fn level(&self, blur: f64) -> Option<f64> {
+        let root = (FROM_INSIDE * blur).sqrt();
         if self.n < f64::from(LEAST_SAMPLES) {
             return None;
         }
@@ -260,8 +259,7 @@ impl Limb {
         }
         let rest = ((yy - xy * xy / xx) / (self.n - 2.0)).max(0.0);
         let slope = xy / (xx + rest / (STEEP * my).powi(2).max(1e-6));
-        let smeared = slope.abs() > RAMP * STEEP * my;
-        Some(if smeared { my } else { my + slope * (root - mx) })
+        Some(my + slope * (root - mx))
     }
 }
 
