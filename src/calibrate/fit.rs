@@ -260,7 +260,6 @@ impl<'a> Round<'a> {
             priors: [Prior { value: 0.0, sigma: 1.0 }; SHARED],
         };
         // The slopes of the shape as it is known so far shape the equations.
-        let flat = DMatrix::zeros(2 * n, m);
         // An edge that moved is better followed than smoothed away: it would flatten the slopes.
         let close = Hyper { edge_px: FOLLOWED_PX, noise_px: FOLLOWED_PX, ..*hyper };
         let [mut h, mut along] = round.grid.smoothed(&round.y, &close)?;
@@ -270,9 +269,6 @@ impl<'a> Round<'a> {
             (known[0], known[ROLL]) = (0.0, 0.0);
             let freed = if known.iter().all(|x| *x == 0.0) { break } else { round.shape(&known) };
             [h, along] = round.grid.smoothed(&freed, &close)?;
-        }
-        if round.regressors.is_empty() {
-            round.regress(&h, &flat, &profiles.z_px);
         }
         let height = profiles.height_px;
         let open = |sigma: f64| Prior { value: 0.0, sigma };
