@@ -262,13 +262,14 @@ impl<'a> Round<'a> {
         // The slopes of the shape as it is known so far shape the equations.
         // An edge that moved is better followed than smoothed away: it would flatten the slopes.
         let close = Hyper { edge_px: FOLLOWED_PX, noise_px: FOLLOWED_PX, ..*hyper };
-        let [mut h, mut along] = round.grid.smoothed(&round.y, &close)?;
-        for _ in 0..2 {
+        let [h, along] = round.grid.smoothed(&round.y, &close)?;
+        round.regress(&h, &along, &profiles.z_px);
+        // What the line has taken up is no longer in the reaches.
+        let mut known = parameters.clone();
+        (known[0], known[ROLL]) = (0.0, 0.0);
+        if known.iter().any(|x| *x != 0.0) {
+            let [h, along] = round.grid.smoothed(&round.shape(&known), &close)?;
             round.regress(&h, &along, &profiles.z_px);
-            let mut known = parameters.clone();
-            (known[0], known[ROLL]) = (0.0, 0.0);
-            let freed = if known.iter().all(|x| *x == 0.0) { break } else { round.shape(&known) };
-            [h, along] = round.grid.smoothed(&freed, &close)?;
         }
         let height = profiles.height_px;
         let open = |sigma: f64| Prior { value: 0.0, sigma };

@@ -10,6 +10,8 @@ use crate::silhouette::{Silhouette, Verdict};
 
 /// Fewest views that are held against one another.
 const LEAST_VIEWS: usize = 6;
+/// Most views: time grows with the cube of their number.
+const MOST_VIEWS: usize = 100;
 /// Rounds of linearising.
 const ROUNDS: usize = 3;
 /// What a number must be of its standard uncertainty to count as seen.
@@ -76,8 +78,9 @@ pub fn calibrate(views: &[SeenView], known: &Known) -> Result<(Calibration, Axis
     };
     let samples: Vec<Sample> =
         views.iter().map(|v| Sample { silhouette: v.silhouette, pedestal: v.pedestal }).collect();
-    let made =
-        if views.len() < LEAST_VIEWS { None } else { Worked::of(views, &samples, known, &start, sense) };
+    let made = ((LEAST_VIEWS..=MOST_VIEWS).contains(&views.len()))
+        .then(|| Worked::of(views, &samples, known, &start, sense))
+        .flatten();
     Ok((made.map_or_else(|| unmeasured(views, known, &start), |w| w.calibration(views, known)), axis))
 }
 
@@ -365,7 +368,7 @@ fn unmeasured(views: &[SeenView], known: &Known, start: &Line) -> Calibration {
         roll_deg: stated(known.roll_deg, start.roll_rad.to_degrees()),
         camera_distance_mm: (known.camera_distance_mm)
             .map_or_else(Measured::not_observable, |d| Measured::given(d, None)),
-        camera_distance_says: "too few views or rows in common".into(),
+        camera_distance_says: "the views were not held against one another".into(),
         elevation_deg: Measured::assumed(0.0, None),
         rotation: Rotation { counter_clockwise: !known.clockwise, how: How::Assumed },
         wobble_px: 0.0,
@@ -386,8 +389,8 @@ fn unmeasured(views: &[SeenView], known: &Known, start: &Line) -> Calibration {
             .collect(),
         findings: Vec::new(),
         warnings: vec![format!(
-            "{} views with the rows that they share are too few to hold against one another ({LEAST_VIEWS} are needed): \
-             axis and roll carry no uncertainty, slips would not be seen",
+            "{} views with the rows that they share are not held against one another ({LEAST_VIEWS} to {MOST_VIEWS} views \
+             can be, on 8 heights or more): axis and roll carry no uncertainty, slips would not be seen",
             views.len()
         )],
     }
