@@ -86,8 +86,6 @@ pub(super) struct Fit {
     pub parameters: DVector<f64>,
     /// Their covariance.
     pub covariance: DMatrix<f64>,
-    /// Data's part of the normal equations' matrix and right side.
-    data: Sums,
     pub hyper: Hyper,
     /// Whole height of the grain, pixels.
     pub height_px: f64,
@@ -114,21 +112,6 @@ impl Fit {
 
     pub(super) fn angle_rad(&self, view: usize) -> f64 {
         self.parameters[SHARED + self.views() + view]
-    }
-
-    /// How much of a pattern of angle errors (one number a view) is in the views beyond what the motor may do: its
-    /// factor and the factor's standard deviation.
-    pub(super) fn pattern(&self, pattern: &[f64]) -> (f64, f64) {
-        let first = SHARED + self.views();
-        let v = DVector::from_column_slice(pattern);
-        let angles = self.data.normal.columns(first, v.len()) * &v;
-        let own = v.dot(&angles.rows(first, v.len()));
-        let information = own - angles.dot(&(&self.covariance * &angles));
-        let found = v.dot(&self.data.right.rows(first, v.len())) - angles.dot(&self.parameters);
-        if information <= 0.0 {
-            return (0.0, f64::INFINITY);
-        }
-        (found / information, 1.0 / information.sqrt())
     }
 }
 
@@ -211,7 +194,6 @@ pub(super) fn fit(
             line,
             parameters: parameters.clone(),
             covariance: solved.covariance,
-            data: solved.data,
             hyper: spread,
             height_px: profiles.height_px,
             shape,
@@ -228,7 +210,6 @@ type Entry = fn(&mut Hyper) -> &mut f64;
 struct Solved {
     parameters: DVector<f64>,
     covariance: DMatrix<f64>,
-    data: Sums,
     /// Logarithm of the marginal likelihood, but for a constant.
     log_likelihood: f64,
 }
@@ -341,8 +322,7 @@ impl<'a> Round<'a> {
     }
 
     fn solve(&self, hyper: &Hyper) -> Option<Solved> {
-        let data = self.grid.sums(&self.y, &self.regressors, hyper)?;
-        let mut all = data.clone();
+        let mut all = self.grid.sums(&self.y, &self.regressors, hyper)?;
         let mut log_prior = 0.0;
         for k in 0..all.right.len() {
             let Prior { value, sigma } = self.prior(k, hyper);
@@ -358,7 +338,7 @@ impl<'a> Round<'a> {
         let log_det: f64 = 2.0 * cholesky.l().diagonal().iter().map(|d| d.ln()).sum::<f64>();
         let log_likelihood =
             -0.5 * (all.square - parameters.dot(&all.right) + all.log_det - log_prior + log_det);
-        Some(Solved { parameters, covariance: cholesky.inverse(), data, log_likelihood })
+        Some(Solved { parameters, covariance: cholesky.inverse(), log_likelihood })
     }
 
     /// A pedestal that stands a little off the axis goes round once with the grain; beyond that its places are the

@@ -3,6 +3,7 @@
 mod axis;
 mod ball;
 mod calibration;
+mod closing;
 mod fit;
 mod measured;
 mod pin;

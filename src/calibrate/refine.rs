@@ -298,7 +298,7 @@ impl Worked {
                 let steps = (size / known.full_step_deg).round();
                 let whole = steps >= 1.0
                     && (size - steps * known.full_step_deg).abs()
-                        < (2.0 * sigma_deg).clamp(0.04, 0.2 * known.full_step_deg);
+                        < (2.0 * sigma_deg).clamp(0.04, 0.25 * known.full_step_deg);
                 let [from, to] = found.between.map(|k| views[k].index);
                 let place = if from == to {
                     format!("from view {from} on")

@@ -1,28 +1,33 @@
 //! Whether the grain turned as the stage did: slips, lost steps, a wrong step size.
 //!
-//! *How much* is in the equations of [`super::fit`], the closing view above all. *Where* is told by the slices'
+//! *How much* is told by views that see the same outline (see [`super::closing`]). *Where* is told by the slices'
 //! curvature: the outline's reach in three neighbouring directions gives the mean radius of curvature of the convex
 //! slice between them, which is never negative and, for a grain with corners and facets, is alike or jumps from one
 //! place to the next. With wrong angles nearly all of them are off. So a Cauchy likelihood of its steps, and of what
 //! is negative, tells where the angles went wrong (Huber and Ronchetti, Robust Statistics, 2009, on why not squares).
 
+use super::closing::{Closing, closings};
 use super::fit::{Fit, Priors, Sample, Spreads, fit};
-use super::profile::Line;
 use nalgebra::DMatrix;
 
-/// The evidence that a change must have: what the curvatures' likelihood gains for every height, weighed against what
-/// the equations gain or lose (natural logarithms). Rigs as they stand in the laboratory had up to 7 where nothing was
-/// wrong (then with less than [`LEAST_RAD`]), 6 to 47 where the grain had slipped by a degree (`tests/calibration`).
-const LEAST_EVIDENCE: f64 = 6.0;
+/// The evidence that the first change must have, and each further one: what the curvatures' likelihood gains for every
+/// height, weighed against what closing views gain or lose (natural logarithms). Where nothing was wrong, no change of
+/// [`LEAST_RAD`] had any in 48 rigs as they stand in the laboratory; where a degree or a step was, all but one had 3.5
+/// to 90, and what was left when it was mended up to 4.1 (`tests/calibration`).
+const LEAST_EVIDENCE: [f64; 2] = [3.0, 6.0];
 const GAIN_WEIGHT: f64 = 3.0;
-/// The equations' standard deviations are too small by this much: a silhouette's errors are not quite what they hold.
-const EQUATIONS_MODEST: f64 = 2.0;
+/// The closing views' standard deviations are too small by this much, and by this many radians.
+const CLOSING_MODEST: f64 = 1.5;
+const CLOSING_RAD: f64 = 0.1 * RAD_PER_DEG;
+/// What a change that closing views tell may be off by, as a share of it: slopes between views are not known.
+const CLOSING_SHARE: f64 = 0.12;
 /// The change must matter, radians at the end of the turn.
 const LEAST_RAD: f64 = 0.62 * RAD_PER_DEG;
 const RAD_PER_DEG: f64 = std::f64::consts::PI / 180.0;
 /// Grids on which changes are tried: pitch and count to either side.
 const GRIDS: [(f64, i32); 2] = [(0.1 * RAD_PER_DEG, 25), (1.5 * RAD_PER_DEG, 20)];
-/// Beyond this the equations are too far from linear to be asked how much, radians; then the curvatures must gain more.
+const FINE: (f64, i32) = (0.02 * RAD_PER_DEG, 25);
+/// Beyond this closing views cannot tell how much, radians; then the curvatures must gain more.
 const LINEAR_RAD: f64 = 2.5 * RAD_PER_DEG;
 const LARGE_GAIN: f64 = 5.0;
 /// How well the curvature alone tells a change, radians (standard deviation).
@@ -95,11 +100,6 @@ pub(super) fn look(views: &[Sample], angles: &[f64], priors: &Priors, first: Fit
     now
 }
 
-/// All changes that could be.
-fn changes(n: usize) -> Vec<Change> {
-    (1..n).map(Change::From).chain([Change::Step]).collect()
-}
-
 /// A change with the cost of the curvatures that it leads to.
 #[derive(Debug, Clone, Copy)]
 struct Tried {
@@ -108,81 +108,126 @@ struct Tried {
     cost: f64,
 }
 
-fn one(views: &[Sample], priors: &Priors, now: &Turning) -> Option<Turning> {
-    let (fitted, angles) = (&now.fit, &now.angles);
-    let heights = fitted.shape.ncols() as f64;
-    let moved = |change: Change, rad: f64| -> Vec<f64> {
-        angles.iter().zip(change.pattern(angles)).map(|(a, p)| a + rad * p).collect()
-    };
-    let before = curvatures(angles, &fitted.shape);
-    let ordinary = ordinary_step(&before);
-    let best_of = |change: Change, around: f64, grid: (f64, i32), shape: &DMatrix<f64>| -> Tried {
-        (-grid.1..=grid.1)
-            .map(|k| around + f64::from(k) * grid.0)
-            .map(|rad| Tried { change, rad, cost: cost(&curvatures(&moved(change, rad), shape), ordinary) })
-            .fold(
-                Tried { change, rad: around, cost: f64::INFINITY },
-                |a, b| if b.cost < a.cost { b } else { a },
-            )
-    };
-    let unchanged = cost(&before, ordinary);
-    let evidence = |t: &Tried| {
-        let gain = (unchanged - t.cost) / heights;
-        let (rad, sigma) = fitted.pattern(&t.change.pattern(angles));
-        let variance = (EQUATIONS_MODEST * sigma).powi(2) + CURVATURE_RAD.powi(2);
-        if t.rad.abs() > LINEAR_RAD {
-            return if gain > LARGE_GAIN && rad * t.rad > 0.0 { GAIN_WEIGHT * gain } else { 0.0 };
-        }
-        GAIN_WEIGHT * gain + (rad.powi(2) - (rad - t.rad).powi(2)) / (2.0 * variance)
-    };
-    let mut tried: Vec<(f64, Tried)> = {
-        use rayon::prelude::*;
-        let likeliest = |change: Change, grid: (f64, i32)| {
-            let tries = (-grid.1..=grid.1).map(|k| {
-                let rad = f64::from(k) * grid.0;
-                let t = Tried {
-                    change,
-                    rad,
-                    cost: cost(&curvatures(&moved(change, rad), &fitted.shape), ordinary),
-                };
-                (evidence(&t), t)
-            });
-            tries.max_by(|a, b| a.0.total_cmp(&b.0))
+/// What changes are held against.
+struct Search<'a> {
+    angles: &'a [f64],
+    /// Heights whose curvatures the cost is summed over.
+    heights: f64,
+    /// An ordinary step of the curvature, pixels.
+    ordinary: f64,
+    closings: Vec<Closing>,
+    /// Cost of the curvatures, and how unlikely the closing views are, if nothing changed.
+    unchanged: f64,
+    nothing: f64,
+}
+
+impl<'a> Search<'a> {
+    fn new(views: &[Sample], now: &'a Turning) -> Self {
+        let before = curvatures(&now.angles, &now.fit.shape);
+        let ordinary = ordinary_step(&before);
+        let mut search = Self {
+            angles: &now.angles,
+            heights: now.fit.shape.ncols() as f64,
+            ordinary,
+            closings: closings(views, &now.angles, &now.fit.line),
+            unchanged: cost(&before, ordinary),
+            nothing: 0.0,
         };
-        (changes(angles.len()).into_par_iter())
-            .flat_map_iter(|change| GRIDS.into_iter().filter_map(move |grid| likeliest(change, grid)))
-            .collect()
+        search.nothing = search.amiss(Change::Step, 0.0);
+        search
+    }
+
+    fn moved(&self, change: Change, rad: f64) -> Vec<f64> {
+        self.angles.iter().zip(change.pattern(self.angles)).map(|(a, p)| a + rad * p).collect()
+    }
+
+    fn tried(&self, change: Change, rad: f64, shape: &DMatrix<f64>) -> Tried {
+        Tried { change, rad, cost: cost(&curvatures(&self.moved(change, rad), shape), self.ordinary) }
+    }
+
+    /// What a change must make of a pair of closing views: its own share of them, radians for each radian.
+    fn shares(&self, change: Change) -> impl Iterator<Item = (&Closing, f64)> {
+        let pattern = change.pattern(self.angles);
+        self.closings.iter().map(move |c| (c, pattern[c.views[1]] - pattern[c.views[0]]))
+    }
+
+    /// How unlikely it makes what the closing views tell: minus the logarithm of the likelihood.
+    fn amiss(&self, change: Change, rad: f64) -> f64 {
+        if rad.abs() > LINEAR_RAD {
+            return self.nothing;
+        }
+        let one = |(c, share): (&Closing, f64)| {
+            let variance = variance(c, rad * share);
+            0.5 * ((c.rad - rad * share).powi(2) / variance + variance.ln())
+        };
+        self.shares(change).map(one).sum()
+    }
+
+    /// What speaks for a change, natural logarithms.
+    fn evidence(&self, t: &Tried) -> f64 {
+        let gain = (self.unchanged - t.cost) / self.heights;
+        if t.rad.abs() > LINEAR_RAD && gain < LARGE_GAIN {
+            return 0.0;
+        }
+        GAIN_WEIGHT * gain + self.nothing - self.amiss(t.change, t.rad)
+    }
+
+    /// How much, with its standard deviation: what the curvature says, and what the closing views do.
+    fn how_much(&self, place: &Tried) -> [f64; 2] {
+        let mut weights = CURVATURE_RAD.powi(-2);
+        let mut sum = weights * place.rad;
+        if place.rad.abs() <= LINEAR_RAD {
+            for (c, share) in self.shares(place.change) {
+                let weight = 1.0 / variance(c, place.rad * share);
+                weights += weight * share * share;
+                sum += weight * share * c.rad;
+            }
+        }
+        [sum / weights, weights.sqrt().recip()]
+    }
+}
+
+/// Variance of what a pair of closing views tells of a change of so much, rad².
+fn variance(c: &Closing, expected_rad: f64) -> f64 {
+    (CLOSING_MODEST * c.sigma_rad).powi(2) + CLOSING_RAD.powi(2) + (CLOSING_SHARE * expected_rad).powi(2)
+}
+
+fn one(views: &[Sample], priors: &Priors, now: &Turning) -> Option<Turning> {
+    use rayon::prelude::*;
+    let search = Search::new(views, now);
+    let n = now.angles.len();
+    let likeliest = |change: Change, (pitch, count): (f64, i32)| {
+        (-count..=count)
+            .map(|k| search.tried(change, f64::from(k) * pitch, &now.fit.shape))
+            .map(|t| (search.evidence(&t), t))
+            .max_by(|a, b| a.0.total_cmp(&b.0))
     };
+    let all: Vec<Change> = (1..n).map(Change::From).chain([Change::Step]).collect();
+    let mut tried: Vec<(f64, Tried)> = (all.into_par_iter())
+        .flat_map_iter(|change| GRIDS.into_iter().filter_map(move |grid| likeliest(change, grid)))
+        .collect();
     tried.sort_by(|a, b| b.0.total_cmp(&a.0));
     // Every step a little wrong leaves no mark in one place: it is always among the likeliest.
     let step = tried.iter().find(|t| t.1.change == Change::Step).map(|t| t.1);
-    tried.retain(|t| t.1.rad.abs() > LEAST_RAD && t.0 > LEAST_EVIDENCE);
+    let least = LEAST_EVIDENCE[usize::from(!now.found.is_empty())];
+    tried.retain(|t| t.1.rad.abs() > LEAST_RAD && t.0 > least);
     let best = tried.first()?.0;
     // The equations were written for angles that were wrong: write them again for each of the likeliest.
     let mut places: Vec<Tried> = tried.iter().take(WORKED_OUT).map(|t| t.1).collect();
     places.extend(step);
     let worked = places.into_iter().filter_map(|t| {
-        let fitted =
-            work_out(views, &moved(t.change, t.rad), priors, &fitted.line, Spreads::Known(fitted.hyper))?;
-        let fine = best_of(t.change, t.rad, (0.2 * GRIDS[0].0, 25), &fitted.shape);
-        // What the equations would still change is held against a place.
-        let angles = moved(t.change, t.rad);
-        let rest = changes(angles.len()).into_iter().map(|c| {
-            let (rad, sigma) = fitted.pattern(&c.pattern(&angles));
-            rad.powi(2) / (2.0 * ((EQUATIONS_MODEST * sigma).powi(2) + CURVATURE_RAD.powi(2)))
-        });
-        let score = GAIN_WEIGHT * fine.cost / heights + rest.fold(0.0, f64::max);
+        let angles = search.moved(t.change, t.rad);
+        let fitted = fit(views, &angles, priors, &now.fit.line, Spreads::Known(now.fit.hyper), ROUNDS)?;
+        let (score, fine) = (-FINE.1..=FINE.1)
+            .map(|k| search.tried(t.change, t.rad + f64::from(k) * FINE.0, &fitted.shape))
+            .map(|t| (search.evidence(&t), t))
+            .max_by(|a, b| a.0.total_cmp(&b.0))?;
         Some((score, fine, fitted))
     });
-    let (_, place, fitted) = worked.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    // How much: what the equations at the changed angles still ask for, and what the curvature does.
-    let first = tried.iter().find(|t| t.1.change == place.change).map_or(place.rad, |t| t.1.rad);
-    let (rest, sigma) = fitted.pattern(&place.change.pattern(angles));
-    let weight = (CURVATURE_RAD / (EQUATIONS_MODEST * sigma)).powi(2);
-    let rad = (place.rad + weight * (first + rest)) / (1.0 + weight);
-    let sigma_rad = CURVATURE_RAD / (1.0 + weight).sqrt();
-    let angles = moved(place.change, rad);
-    let fit = work_out(views, &angles, priors, &fitted.line, Spreads::SoughtFrom(fitted.hyper))?;
+    let (_, place, fitted) = worked.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let [rad, sigma_rad] = search.how_much(&place);
+    let angles = search.moved(place.change, rad);
+    let fit = fit(views, &angles, priors, &fitted.line, Spreads::SoughtFrom(fitted.hyper), ROUNDS)?;
     let mut found = now.found.clone();
     found.push(Found { change: place.change, rad, sigma_rad, between: between(&tried, &place, best) });
     Some(Turning { found, angles, fit })
@@ -196,10 +241,6 @@ fn between(tried: &[(f64, Tried)], chosen: &Tried, best: f64) -> [usize; 2] {
         Change::From(k) => [a.min(k), b.max(k)],
         Change::Step => [a, b],
     })
-}
-
-fn work_out(views: &[Sample], angles: &[f64], priors: &Priors, line: &Line, spreads: Spreads) -> Option<Fit> {
-    fit(views, angles, priors, line, spreads, ROUNDS)
 }
 
 /// Mean radius of curvature of the convex slices between neighbouring directions, pixels: `[direction, height]`, in

@@ -172,8 +172,7 @@ fn a_slip_is_named_and_located() {
         Wrong::Slip(1 + (seed as usize * 7) % 24, if seed.is_multiple_of(2) { 1.0 } else { -1.3 })
     };
     let [made, named, located] = found(rigs(8), wrong, FindingKind::Slip);
-    // Of these eight one is not seen (a flaky grain) and one is put six views early.
-    assert!(named + 1 >= made && located + 2 >= made, "{made} {named} {located}");
+    assert!(named == made && located == made, "{made} {named} {located}");
 }
 
 #[test]
@@ -187,6 +186,6 @@ fn a_lost_step_is_named_and_located() {
 fn a_wrong_step_size_is_named() {
     let wrong = |seed: u64| Wrong::StepRatio(if seed.is_multiple_of(2) { 1.01 } else { 0.99 });
     let [made, named, _] = found(rigs(8), wrong, FindingKind::StepSize);
-    // One per cent is 1.8° at the end, spread evenly: it is often taken for a slip, or for nothing.
-    assert!(3 * named >= made, "{made} {named}");
+    // One per cent is 1.8° at the end, spread evenly: on one angular grain it is taken for a slip of the last view.
+    assert!(8 * named >= 7 * made, "{made} {named}");
 }

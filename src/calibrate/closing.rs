@@ -1,0 +1,232 @@
+//! What views of the same outline say of the turn between them: after half a turn an outline comes back mirrored, after
+//! a whole one as it was. Where it comes back moved in proportion to how fast it grows with the angle, the grain has
+//! not turned as the stage did.
+//!
+//! The difference of two such reaches is δ·h′ + what a shift, the roll, a near camera and rising rays make of it (see
+//! [`super::fit`]): a robust linear regression over all heights. An outline is as sure along its normal everywhere, so
+//! a reach is as much less sure as the outline is inclined there. h′ is the chord's over the neighbouring views; where
+//! the slice is sharply bent between them it may be another.
+
+use super::fit::Sample;
+use super::profile::{Line, Profiles};
+use crate::silhouette::Silhouette;
+use nalgebra::{Matrix5, Vector5};
+use std::f64::consts::{PI, TAU};
+
+/// Heights that are compared.
+const HEIGHTS: usize = 128;
+/// Two directions are one where the next ones are at least this many times as far.
+const FURTHER: f64 = 2.0;
+/// Furthest neighbour that tells h′, radians.
+const FURTHEST_RAD: f64 = 0.36;
+/// How far h′ may be off, as a share of its change between the neighbours (standard deviation).
+const BENT: f64 = 0.2;
+/// Rounds of weighing.
+const ROUNDS: usize = 20;
+/// Where residuals count less (Huber), standard deviations.
+const HUBER: f64 = 1.5;
+/// The least noise that is believed, pixels.
+const LEAST_NOISE_PX: f64 = 0.05;
+/// Share of the height over which residuals are alike, and blocks whose sums are compared for the uncertainty.
+const ALIKE: f64 = 0.08;
+const BLOCKS: usize = 10;
+/// What is known beforehand (standard deviations): rise, shift in pixels, roll left over.
+const RISE_RAD: f64 = 0.03;
+const SHIFT_PX: f64 = 10.0;
+const ROLL_RAD: f64 = 0.004;
+
+/// Two views that see the same outline.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Closing {
+    /// Indices among the views.
+    pub views: [usize; 2],
+    /// How much farther than it should the grain has turned from the first to the second, radians.
+    pub rad: f64,
+    /// Its standard deviation, radians.
+    pub sigma_rad: f64,
+    /// Reciprocal distance of the camera and its standard deviation, 1/pixels; absent where one side is seen twice.
+    pub reciprocal: Option<[f64; 2]>,
+}
+
+/// A reach's place among all directions.
+#[derive(Clone, Copy)]
+struct Seen {
+    t: f64,
+    view: usize,
+    right: bool,
+}
+
+/// One pair's directions: the two, and their neighbours before and behind.
+struct Met {
+    /// First and second view's own.
+    own: [Seen; 2],
+    beside: [Seen; 2],
+}
+
+/// All pairs of views that see the same outline at these (signed) angles; none where the views share too few rows.
+pub(super) fn closings(views: &[Sample], angles: &[f64], line: &Line) -> Vec<Closing> {
+    let mut pairs: Vec<([usize; 2], Vec<Met>)> = Vec::new();
+    for met in meetings(angles) {
+        let views = met.own.map(|s| s.view);
+        match pairs.iter_mut().find(|(v, _)| *v == views) {
+            Some((_, all)) => all.push(met),
+            None => pairs.push((views, vec![met])),
+        }
+    }
+    if pairs.is_empty() {
+        return Vec::new();
+    }
+    let outlines: Vec<&Silhouette> = views.iter().map(|v| v.silhouette).collect();
+    let Some(profiles) = Profiles::read(&outlines, line, HEIGHTS) else { return Vec::new() };
+    pairs.iter().filter_map(|(views, met)| closing(*views, met, angles, &profiles)).collect()
+}
+
+/// Where two reaches of different views look the same way, closer than their neighbours do.
+fn meetings(angles: &[f64]) -> Vec<Met> {
+    let mut all: Vec<Seen> = (angles.iter().enumerate())
+        .flat_map(|(view, a)| {
+            [true, false].map(|right| Seen {
+                t: (a + if right { 0.0 } else { PI }).rem_euclid(TAU),
+                view,
+                right,
+            })
+        })
+        .collect();
+    all.sort_by(|a, b| a.t.total_cmp(&b.t).then(a.view.cmp(&b.view)));
+    let n = all.len();
+    let ahead = |a: &Seen, b: &Seen| (b.t - a.t).rem_euclid(TAU);
+    (0..n)
+        .filter_map(|i| {
+            let [before, a, b, after] = [n - 1, 0, 1, 2].map(|k| all[(i + k) % n]);
+            let gap = ahead(&a, &b);
+            let wide = [ahead(&before, &a), ahead(&b, &after)];
+            let apart = wide.iter().all(|w| *w > FURTHER * gap.max(1e-3) && *w < FURTHEST_RAD);
+            (n > 3 && a.view != b.view && apart).then(|| {
+                let own = if a.view < b.view { [a, b] } else { [b, a] };
+                Met { own, beside: [before, after] }
+            })
+        })
+        .collect()
+}
+
+/// One height's equation.
+struct Row {
+    x: Vector5<f64>,
+    y: f64,
+    /// 1 + (∂h/∂z)²: what the outline's inclination makes of its variance.
+    inclined: f64,
+    reach_px: f64,
+    /// Change of h′ between the neighbours, pixels.
+    bend_px: f64,
+}
+
+fn closing(views: [usize; 2], met: &[Met], angles: &[f64], profiles: &Profiles) -> Option<Closing> {
+    let m = profiles.z_px.len();
+    let reach = |s: &Seen| {
+        let sample = s.view + if s.right { angles.len() } else { 0 };
+        &profiles.reach_px[sample * m..(sample + 1) * m]
+    };
+    let pitch = (profiles.z_px[m - 1] - profiles.z_px[0]) / (m - 1) as f64;
+    let mirrored = if met.iter().all(|p| p.own[0].right != p.own[1].right) { 1.0 } else { 0.0 };
+    let mut rows = Vec::new();
+    for pair in met {
+        let [first, second] = pair.own.map(|s| s.t);
+        let turned = (second - first + PI).rem_euclid(TAU) - PI;
+        let middle = first + 0.5 * turned;
+        let [back, ahead] = [middle - pair.beside[0].t, pair.beside[1].t - middle].map(|d| d.rem_euclid(TAU));
+        let [a, b] = pair.own.map(|s| reach(&s));
+        let [before, after] = pair.beside.map(|s| reach(&s));
+        let mean: Vec<f64> = a.iter().zip(b).map(|(a, b)| 0.5 * (a + b)).collect();
+        let slope = smooth((0..m).map(|k| (after[k] - before[k]) / (back + ahead)).collect());
+        let (sb, sa, sab) = (back.sin(), ahead.sin(), (back + ahead).sin());
+        // The mean radius of curvature between three directions (see [`super::turning`]), times the way.
+        let weight =
+            4.0 * (0.5 * ahead).sin() * (0.5 * back).sin() * (0.5 * (ahead + back)).sin() / (ahead + back);
+        let bend =
+            smooth((0..m).map(|k| (before[k] * sa + after[k] * sb - mean[k] * sab) / weight).collect());
+        let up = smooth(
+            (0..m)
+                .map(|k| {
+                    let (low, high) = (k.saturating_sub(1), (k + 1).min(m - 1));
+                    (mean[high] - mean[low]) / ((high - low) as f64 * pitch)
+                })
+                .collect(),
+        );
+        let side = if pair.own[1].right { 1.0 } else { -1.0 };
+        for k in 0..m {
+            let (h, z, s) = (mean[k], profiles.z_px[k], slope[k]);
+            rows.push(Row {
+                x: Vector5::new(
+                    s,
+                    mirrored * 2.0 * side * s * (h - z * up[k]),
+                    mirrored * -2.0 * side * s * up[k],
+                    side,
+                    mirrored * -side * (z + h * up[k]),
+                ),
+                y: b[k] - a[k] - s * turned,
+                inclined: 1.0 + up[k] * up[k],
+                reach_px: h,
+                bend_px: bend[k],
+            });
+        }
+    }
+    let [[rad, sigma_rad], reciprocal] = regress(&rows, m, profiles.height_px)?;
+    Some(Closing { views, rad, sigma_rad, reciprocal: (mirrored > 0.0).then_some(reciprocal) })
+}
+
+/// Means over three neighbours.
+fn smooth(values: Vec<f64>) -> Vec<f64> {
+    (0..values.len())
+        .map(|k| {
+            let near = &values[k.saturating_sub(1)..(k + 2).min(values.len())];
+            near.iter().sum::<f64>() / near.len() as f64
+        })
+        .collect()
+}
+
+/// δ and the reciprocal distance with their standard deviations; rows come in groups of `m` heights.
+fn regress(rows: &[Row], m: usize, height_px: f64) -> Option<[[f64; 2]; 2]> {
+    let prior = [0.0, (2.0 * height_px).powi(2), RISE_RAD.powi(-2), SHIFT_PX.powi(-2), ROLL_RAD.powi(-2)];
+    let mut noise = 3.0 * LEAST_NOISE_PX;
+    let mut found: Vector5<f64> = Vector5::zeros();
+    let mut residuals: Vec<f64> = vec![0.0; rows.len()];
+    let mut weights = vec![0.0; rows.len()];
+    let mut inverse = Matrix5::zeros();
+    for _ in 0..ROUNDS {
+        let [turned, near, scatter] = [found[0], found[1], noise];
+        let deviation = |r: &Row| {
+            let off = turned.powi(2) + (2.0 * near * r.reach_px).powi(2);
+            (scatter * scatter * r.inclined + (BENT * r.bend_px).powi(2) * off).sqrt()
+        };
+        let mut normal = Matrix5::from_diagonal(&Vector5::from(prior));
+        let mut right = Vector5::zeros();
+        for ((r, e), w) in rows.iter().zip(&residuals).zip(&mut weights) {
+            let d = deviation(r);
+            *w = (HUBER * d / e.abs().max(1e-9)).min(1.0) / (d * d);
+            normal += r.x * r.x.transpose() * *w;
+            right += r.x * (*w * r.y);
+        }
+        inverse = normal.try_inverse()?;
+        found = inverse * right;
+        let mut scaled: Vec<f64> = Vec::with_capacity(rows.len());
+        for (r, e) in rows.iter().zip(&mut residuals) {
+            *e = r.y - r.x.dot(&found);
+            scaled.push(e.abs() / deviation(r));
+        }
+        let middle = scaled.len() / 2;
+        // The median of a normal deviate's magnitude is 1/1.4826.
+        noise =
+            (noise * 1.4826 * *scaled.select_nth_unstable_by(middle, f64::total_cmp).1).max(LEAST_NOISE_PX);
+    }
+    // Neighbouring heights err alike: what whole blocks of them pull at the answer.
+    let mut spread = Matrix5::zeros();
+    let pulls: Vec<Vector5<f64>> =
+        (rows.iter().zip(residuals.iter().zip(&weights))).map(|(r, (e, w))| r.x * (e * w)).collect();
+    for block in pulls.chunks(m).flat_map(|group| group.chunks(m.div_ceil(BLOCKS))) {
+        let sum: Vector5<f64> = block.iter().sum();
+        spread += sum * sum.transpose();
+    }
+    let blocks = inverse * spread * inverse * (BLOCKS as f64 / (BLOCKS as f64 - 1.5));
+    let told = [0, 1].map(|k| [found[k], blocks[(k, k)].max(inverse[(k, k)] * ALIKE * m as f64).sqrt()]);
+    told.iter().flatten().all(|x| x.is_finite()).then_some(told)
+}
