@@ -210,7 +210,7 @@ fn motion(smear: &Smear, diameter_px: f64) -> Check {
         [0, 1].map(|k| MOTION_PX[k].max(MOTION_OF_BLUR[k] * sharpest_px).max(MOTION_SHARE[k] * diameter_px));
     Check::at_most("motion", softest_px - sharpest_px, "px", limits).or(|| {
         format!(
-            "the outline is softer along {softest_deg:.0}° from the horizontal ({softest_px:.1} px) than across it \
+            "the outline is softer along about {softest_deg:.0}° from the horizontal ({softest_px:.1} px) than across it \
              ({sharpest_px:.1} px), something moved during the exposure: let the stage settle longer, expose shorter, or \
              fasten the camera"
         )
