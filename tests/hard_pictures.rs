@@ -8,6 +8,7 @@ use grainrig::rig::simulated::{self, Settings as Rig};
 use grainrig::rig::{Camera as _, RotationStage as _};
 use grainrig::silhouette::{Found, Picture, Settings, find};
 use std::path::Path;
+use std::process::Command;
 use std::sync::{Arc, OnceLock};
 
 /// Reproducible numbers between 0 and 1.
@@ -94,17 +95,69 @@ fn keeps_its_area(what: &str, limit: f64, mut disturb: impl FnMut(&Clean) -> Pic
 #[test]
 fn salt_and_pepper_leave_the_outline_where_it_is() {
     for share in [0.002, 0.005, 0.01] {
-        let mut chance = Chance(17);
+        let mut seeds = 17..;
         keeps_its_area(&format!("{} % salt and pepper", 100.0 * share), 0.005, |one| {
-            let w = one.picture.width();
-            let struck: Vec<Option<f64>> = (0..w * one.picture.height())
-                .map(|_| {
-                    let u = chance.next() / share;
-                    (u < 1.0).then_some(if u < 0.5 { 0.0 } else { 255.0 })
-                })
-                .collect();
-            changed(&one.picture, |x, y, v| struck[y as usize * w + x as usize].unwrap_or(v))
+            struck(&one.picture, share, seeds.next().unwrap_or(0))
         });
+    }
+}
+
+/// Every so many pixels of a picture, at random, black or white.
+fn struck(picture: &Picture, share: f64, seed: u64) -> Picture {
+    let (w, mut chance) = (picture.width(), Chance(seed));
+    let fates: Vec<f64> = (0..w * picture.height()).map(|_| chance.next() / share).collect();
+    changed(picture, |x, y, v| match fates[y as usize * w + x as usize] {
+        u if u < 0.5 => 0.0,
+        u if u < 1.0 => 255.0,
+        _ => v,
+    })
+}
+
+/// The hull's volume in mm³ of a folder of rendered views, by `grainrig import`.
+fn imported_volume(folder: &Path) -> f64 {
+    let home = tempfile::tempdir().unwrap();
+    let run = Command::new(env!("CARGO_BIN_EXE_grainrig"))
+        .arg("--data")
+        .arg(home.path())
+        .args(["--json", "import"])
+        .arg(folder)
+        .args(["--pattern", "grain_*.png", "--name", "one", "--step-deg", "7.2", "--closing-view", "25"])
+        .args(["--mm-per-px", "0.00437", "--camera-distance-mm", "120", "--background"])
+        .arg(folder.join("empty.png"))
+        .output()
+        .unwrap();
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let result: serde_json::Value = serde_json::from_slice(&run.stdout).unwrap();
+    result["hull"]["volume_mm3"].as_f64().unwrap()
+}
+
+#[test]
+fn salt_and_pepper_leave_the_volume_of_an_imported_grain_as_it_is() {
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data"))
+        .join("turntable-rendered/sand_ma107_00002");
+    if !folder.is_dir() {
+        println!("skipped: {} is not there", folder.display());
+        return;
+    }
+    let clean = imported_volume(&folder);
+    let mut names: Vec<String> = (0..26).map(|k| format!("grain_{k:02}.png")).collect();
+    names.push("empty.png".into());
+    for share in [0.002, 0.005, 0.01] {
+        let noisy = tempfile::tempdir().unwrap();
+        for (seed, name) in (1..).zip(&names) {
+            let picture = decode(&std::fs::read(folder.join(name)).unwrap()).unwrap();
+            let clean = picture.data().to_vec();
+            let picture = struck(&picture, share, seed);
+            let hit = picture.data().iter().zip(&clean).filter(|(a, b)| a != b).count();
+            let hit = hit as f64 / clean.len() as f64;
+            assert!((0.9 * share..1.1 * share).contains(&hit), "{name}: {hit} of the pixels");
+            let colour = if picture.channels() == 1 { image::ColorType::L8 } else { image::ColorType::Rgb8 };
+            let [w, h] = [picture.width() as u32, picture.height() as u32];
+            image::save_buffer(noisy.path().join(name), picture.data(), w, h, colour).unwrap();
+        }
+        let off = imported_volume(noisy.path()) / clean - 1.0;
+        println!("{} % salt and pepper: volume {:+.3} %", 100.0 * share, 100.0 * off);
+        assert!(off.abs() <= 0.005, "{} %: the volume changes by {:+.3} %", 100.0 * share, 100.0 * off);
     }
 }
 

@@ -1,17 +1,10 @@
-//! How soft the outline is, and in which direction: the edge's profile, averaged along the outline for each
-//! direction of its normal, and the distance between the profile's quartiles.
-//!
-//! A lens out of focus softens all directions alike. A grain, a table or a camera that moved during the exposure
-//! softens only the edges that the motion crosses.
+//! How soft the outline is: the edge's profile, averaged along the outline, and the distance between the profile's
+//! quartiles. Whether it is softer in one direction than in another is a matter of [`super::smear`].
 
 use super::frame::Rect;
 use super::{Found, Polarity, Silhouette, Source};
-use nalgebra::{Matrix3, Vector3};
-use std::f64::consts::PI;
 use std::ops::Range;
 
-/// Directions of the normal that are told apart, over a whole turn.
-const DIRECTIONS: usize = 16;
 /// Pixels on either side of the outline that are looked at: two and a half standard deviations of the softest
 /// edge that the outline is placed on, and a plateau beyond.
 const REACH: usize = 24;
@@ -31,12 +24,23 @@ const CLEAR_OF_BLUR: f64 = 2.5;
 const QUARTILES: f64 = 1.349;
 /// A profile with fewer pixels within one of the outline, or on a plateau, than this is not believed.
 const LEAST_PIXELS: f64 = 12.0;
-/// Directions, of half a turn's, that must have a profile before they are compared.
-const LEAST_DIRECTIONS: usize = 4;
 /// Pixels above the pedestal's top where the outline is the pedestal's rather than the grain's.
 const PEDESTAL_PX: f64 = 8.0;
 /// A colour at this level or above is full: what is brighter reads the same, give or take the ripple of a JPEG.
 const FULL: u8 = 252;
+
+impl Found {
+    /// What red, green and blue count for in the channel.
+    pub(super) fn weights(&self) -> [f64; 3] {
+        self.report.channel.weights().map(|w| f64::from(w) / 16.0)
+    }
+
+    /// The first row in which the outline is the pedestal's, or its blurred light's, rather than the grain's.
+    pub(super) fn clear_row(&self) -> usize {
+        let end = self.report.frame[3];
+        self.report.pedestal.map_or(end, |p| (p.top_row - PEDESTAL_PX).max(0.0) as usize).min(end)
+    }
+}
 
 /// The pixels around a silhouette, as far as its edge reaches.
 pub(super) struct Part {
@@ -56,6 +60,16 @@ impl Part {
         Self { rect, channels, pixels: picture.part(&columns, &rows) }
     }
 
+    /// Where they lie in the picture.
+    pub(super) fn rect(&self) -> &Rect {
+        &self.rect
+    }
+
+    /// Bytes of a pixel.
+    pub(super) fn channels(&self) -> usize {
+        self.channels
+    }
+
     /// The bytes of some columns of a row, by their numbers in the picture.
     pub(super) fn row(&self, y: usize, columns: &Range<usize>) -> &[u8] {
         let start = (y - self.rect.y0) * self.rect.width();
@@ -69,10 +83,6 @@ impl Part {
 pub(super) struct Edge {
     /// Standard deviation of the edge's blur over all directions, pixels.
     pub blur_px: f64,
-    /// Of the softest and the sharpest direction, pixels; absent where too few directions occur in the outline.
-    pub softest_px: Option<[f64; 2]>,
-    /// The softest direction, degrees from the picture's horizontal, 0 … 180.
-    pub softest_deg: f64,
     /// Share of full pixels on the lit side of the outline.
     pub full_share: f64,
     /// Mean level of the background beside the outline, grey levels of the channel.
@@ -98,13 +108,6 @@ impl Profile {
         self.counts[bin] += 1.0;
     }
 
-    fn take_in(&mut self, other: &Self) {
-        for k in 0..BINS {
-            self.sums[k] += other.sums[k];
-            self.counts[k] += other.counts[k];
-        }
-    }
-
     /// Mean level over pixels `from..from + PLATEAU` away from the outline, inside or outside.
     fn plateau(&self, inside: bool, from: usize) -> Option<f64> {
         let bins = from * PER_PX..(from + PLATEAU) * PER_PX;
@@ -115,11 +118,6 @@ impl Profile {
             count += self.counts[bin];
         }
         (count >= LEAST_PIXELS).then(|| sum / count)
-    }
-
-    /// Pixels within one of the outline.
-    fn on_outline(&self) -> f64 {
-        (BINS / 2 - PER_PX..BINS / 2 + PER_PX).map(|k| self.counts[k]).sum()
     }
 
     /// Standard deviation of the blur, pixels; `None` where there is too little to see.
@@ -184,55 +182,13 @@ impl Profile {
 
 /// Reads the pixels along the outline.
 pub(super) fn measure(part: &Part, found: &Found) -> Edge {
-    let (profiles, sides) = profiles(part, found);
-    let mut all = Profile::empty();
-    profiles.iter().for_each(|p| all.take_in(p));
-    let mut edge = Edge {
-        blur_px: all.blur_px().unwrap_or(0.0),
+    let (profile, sides) = read(part, found);
+    Edge {
+        blur_px: profile.blur_px().unwrap_or(0.0),
         full_share: sides.full_share(),
         background: sides.background(),
         noise: sides.noise(),
-        ..Edge::default()
-    };
-    // A motion softens both the edge that it enters and the one that it leaves; the shade of a grain lit from one
-    // side softens only one of them.
-    let seen: Vec<(f64, f64, f64)> = (0..DIRECTIONS / 2)
-        .filter_map(|k| {
-            let twice = 4.0 * PI * (k as f64 + 0.5) / DIRECTIONS as f64;
-            let sides = [&profiles[k], &profiles[k + DIRECTIONS / 2]];
-            if sides.iter().any(|p| p.on_outline() < LEAST_PIXELS) {
-                return None;
-            }
-            let sharper = sides[0].blur_px()?.min(sides[1].blur_px()?);
-            Some((twice, sharper * sharper, sides[0].on_outline() + sides[1].on_outline()))
-        })
-        .collect();
-    if seen.len() >= LEAST_DIRECTIONS
-        && let Some([mean, c, s]) = fitted(&seen)
-    {
-        // Only in directions that the outline has: what the fit says of others is a guess.
-        let at = |twice: f64| (mean + c * twice.cos() + s * twice.sin()).max(0.0).sqrt();
-        let ends = seen.iter().map(|(twice, ..)| at(*twice));
-        edge.softest_px = Some([ends.clone().fold(0.0, f64::max), ends.fold(f64::INFINITY, f64::min)]);
-        edge.softest_deg = (0.5 * s.atan2(c)).to_degrees().rem_euclid(180.0);
     }
-    edge
-}
-
-/// The variance of the blur as `mean + c cos 2φ + s sin 2φ` by least squares: what adding a motion's variance to a
-/// lens's gives.
-fn fitted(seen: &[(f64, f64, f64)]) -> Option<[f64; 3]> {
-    let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
-    for &(twice, variance, weight) in seen {
-        let row = Vector3::new(1.0, twice.cos(), twice.sin());
-        normal += weight * row * row.transpose();
-        right += weight * variance * row;
-    }
-    // A trace of a ridge: an outline that lacks a direction shows no swing there.
-    let pixels = normal[(0, 0)];
-    normal[(1, 1)] += 1e-3 * pixels;
-    normal[(2, 2)] += 1e-3 * pixels;
-    normal.cholesky().map(|c| c.solve(&right).into())
 }
 
 /// What is counted on the two sides of the outline, clear of its blur.
@@ -261,33 +217,30 @@ impl Sides {
     }
 }
 
-fn profiles(part: &Part, found: &Found) -> (Vec<Profile>, Sides) {
+fn read(part: &Part, found: &Found) -> (Profile, Sides) {
     let (s, report) = (&found.silhouette, &found.report);
     let bright_grain = report.polarity == Polarity::DarkBackground;
-    let weights = report.channel.weights().map(|w| f64::from(w) / 16.0);
-    let [x0, y0, x1, y1] = report.frame;
-    let lowest = report.pedestal.map_or(y1, |p| (p.top_row - PEDESTAL_PX).max(0.0) as usize).min(y1);
+    let weights = found.weights();
+    let [x0, y0, x1, _] = report.frame;
+    let lowest = found.clear_row();
     // The distance is known on the silhouette's rectangle; further out a lower bound of it is enough.
     let reach = |origin: usize, size: usize, low: usize, high: usize| {
         origin.saturating_sub(BESIDE).max(low)..(origin + size + BESIDE).min(high)
     };
     let rows = reach(s.origin[1], s.size[1], y0, lowest);
     let columns = reach(s.origin[0], s.size[0], x0, x1);
-    let mut profiles = vec![Profile::empty(); DIRECTIONS];
+    let mut profile = Profile::empty();
     let mut sides = Sides::default();
     let channels = part.channels;
-    let level = |pixel: &[u8]| match pixel {
-        [r, g, b] => weights[0] * f64::from(*r) + weights[1] * f64::from(*g) + weights[2] * f64::from(*b),
-        _ => f64::from(pixel[0]),
-    };
+    let level = |pixel: &[u8]| level(pixel, &weights);
     for y in rows {
         let line = part.row(y, &columns);
         for (k, x) in columns.clone().enumerate() {
-            let Some((d, direction)) = near(found, x, y) else { continue };
+            let Some(d) = near(found, x, y) else { continue };
             let bin = ((d + REACH as f64) * PER_PX as f64) as usize;
             let pixel = &line[k * channels..(k + 1) * channels];
             let here = level(pixel);
-            profiles[direction].add(bin.min(BINS - 1), here);
+            profile.add(bin.min(BINS - 1), here);
             let clear = d.abs() > NEAREST as f64;
             if !clear {
                 continue;
@@ -310,7 +263,15 @@ fn profiles(part: &Part, found: &Found) -> (Vec<Profile>, Sides) {
             }
         }
     }
-    (profiles, sides)
+    (profile, sides)
+}
+
+/// Grey level of a pixel in the channel.
+pub(super) fn level(pixel: &[u8], weights: &[f64; 3]) -> f64 {
+    match pixel {
+        [r, g, b] => weights[0] * f64::from(*r) + weights[1] * f64::from(*g) + weights[2] * f64::from(*b),
+        _ => f64::from(pixel[0]),
+    }
 }
 
 fn is_full(pixel: &[u8], weights: &[f64; 3]) -> bool {
@@ -320,15 +281,15 @@ fn is_full(pixel: &[u8], weights: &[f64; 3]) -> bool {
     }
 }
 
-/// Signed distance of a pixel to the outline and the direction of the normal there, where it is within reach.
-fn near(found: &Found, x: usize, y: usize) -> Option<(f64, usize)> {
+/// Signed distance of a pixel to the outline, where it is within reach.
+fn near(found: &Found, x: usize, y: usize) -> Option<f64> {
     let s = &found.silhouette;
     let [w, h] = s.size;
     let i = x.clamp(s.origin[0], s.origin[0] + w - 1) - s.origin[0];
     let j = y.clamp(s.origin[1], s.origin[1] + h - 1) - s.origin[1];
     let at = |i: usize, j: usize| f64::from(s.distance_px[j * w + i]);
     let reach = REACH as f64;
-    if at(i, j).abs() >= reach || w < 3 || h < 3 {
+    if at(i, j).abs() >= reach {
         return None;
     }
     let away = [x.abs_diff(s.origin[0] + i), y.abs_diff(s.origin[1] + j)];
@@ -336,12 +297,5 @@ fn near(found: &Found, x: usize, y: usize) -> Option<(f64, usize)> {
         [0, 0] => at(i, j),
         [across, down] => at(i, j).hypot((across as f64).hypot(down as f64)),
     };
-    if d.abs() >= reach {
-        return None;
-    }
-    let (i, j) = (i.clamp(1, w - 2), j.clamp(1, h - 2));
-    let normal = [at(i + 1, j) - at(i - 1, j), at(i, j + 1) - at(i, j - 1)];
-    // Rows run down, angles up.
-    let turn = (-normal[1]).atan2(normal[0]).rem_euclid(2.0 * PI) / (2.0 * PI);
-    Some((d, ((turn * DIRECTIONS as f64) as usize).min(DIRECTIONS - 1)))
+    (d.abs() < reach).then_some(d)
 }

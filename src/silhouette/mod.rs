@@ -36,6 +36,7 @@ mod report;
 mod search;
 mod settings;
 mod shine;
+mod smear;
 mod source;
 mod stand;
 

@@ -3,6 +3,7 @@
 //! This file judges one picture by itself; [`super::neighbours`] judges it against the pictures beside it.
 
 use super::edge::{self, Edge, Part};
+use super::smear::{self, Smear};
 use super::{Found, Polarity, Side, Source};
 use serde::{Deserialize, Serialize};
 
@@ -133,7 +134,7 @@ impl ViewQuality {
 /// Figures of a view that are compared with those of the views beside it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Traits {
-    /// Blur of the outline's softest direction, pixels (standard deviation).
+    /// Blur of the outline, pixels (standard deviation).
     pub blur_px: f64,
     /// Share of full pixels on the lit side of the outline.
     pub full_share: f64,
@@ -163,7 +164,7 @@ pub fn assess(picture: &dyn Source, found: &Found) -> (ViewQuality, Traits) {
     let report = &found.report;
     let diameter_px = (4.0 * report.area_px / std::f64::consts::PI).sqrt().max(1.0);
     let mut checks = vec![focus(&edge, diameter_px)];
-    checks.extend(motion(&edge, diameter_px));
+    checks.extend(smear::measure(&part, found).map(|smear| motion(&smear, diameter_px)));
     checks.push(clipping(&edge, report.polarity));
     checks.push(border(report.touches_border));
     checks.push(contrast(report.contrast, report.noise));
@@ -176,7 +177,7 @@ pub fn assess(picture: &dyn Source, found: &Found) -> (ViewQuality, Traits) {
     let line = &s.distance_px[first * s.size[0]..(first + 1) * s.size[0]];
     let depth = f64::from(line.iter().copied().fold(0.0, f32::min));
     let traits = Traits {
-        blur_px: edge.softest_px.map_or(edge.blur_px, |[softest, _]| softest),
+        blur_px: edge.blur_px,
         full_share: edge.full_share,
         background: edge.background,
         contrast: report.contrast,
@@ -203,17 +204,17 @@ fn focus(edge: &Edge, diameter_px: f64) -> Check {
     })
 }
 
-fn motion(edge: &Edge, diameter_px: f64) -> Option<Check> {
-    let [softest, sharpest] = edge.softest_px?;
+fn motion(smear: &Smear, diameter_px: f64) -> Check {
+    let Smear { softest_px, sharpest_px, softest_deg } = *smear;
     let limits =
-        [0, 1].map(|k| MOTION_PX[k].max(MOTION_OF_BLUR[k] * sharpest).max(MOTION_SHARE[k] * diameter_px));
-    Some(Check::at_most("motion", softest - sharpest, "px", limits).or(|| {
+        [0, 1].map(|k| MOTION_PX[k].max(MOTION_OF_BLUR[k] * sharpest_px).max(MOTION_SHARE[k] * diameter_px));
+    Check::at_most("motion", softest_px - sharpest_px, "px", limits).or(|| {
         format!(
-            "the outline is softer along {:.0}° from the horizontal ({softest:.1} px) than across it \
-             ({sharpest:.1} px), as by a shake: let the stage settle longer, expose shorter, or fasten the camera",
-            edge.softest_deg.round() % 180.0
+            "the outline is softer along about {softest_deg:.0}° from the horizontal ({softest_px:.1} px) than across it \
+             ({sharpest_px:.1} px), something moved during the exposure: let the stage settle longer, expose shorter, or \
+             fasten the camera"
         )
-    }))
+    })
 }
 
 fn clipping(edge: &Edge, polarity: Polarity) -> Check {

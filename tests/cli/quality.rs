@@ -57,8 +57,7 @@ fn a_picture_that_is_no_good_once_is_taken_again_and_the_result_is_as_without_it
     assert!(verdicts(&lab, "clean").iter().all(|v| v.1 == "good"), "{:?}", verdicts(&lab, "clean"));
     let faults = [
         ("blurred", "focus is "),
-        // Told as motion or, where the smear hides its direction, as a change of focus.
-        ("shaken", "moved during the exposure"),
+        ("shaken", "motion is "),
         ("overexposed", "exposure is "),
         ("repeated", "duplicate is "),
         ("obstructed", "the grain reaches the top border"),
@@ -81,7 +80,7 @@ fn a_picture_that_stays_no_good_suspends_the_run_which_goes_on_once_it_is_mended
     let lab = Lab::new();
     let faults: [(&str, &[&str]); 5] = [
         ("blurred", &["focus", " px, the limit is ", "focus the lens"]),
-        ("shaken", &["focus change", " px, the limit is ", "moved during the exposure"]),
+        ("shaken", &["motion", " px, the limit is ", "settle longer"]),
         ("overexposed", &["exposure", " grey levels, the limit is ", "keep lamp"]),
         ("repeated", &["duplicate", "view 4, noise and all"]),
         ("obstructed", &["reaches the top border", "centre the grain"]),
@@ -123,7 +122,7 @@ fn what_may_not_be_taken_again_is_kept_and_labelled_or_not_looked_at() {
         assert_eq!(verdict, if view == 3 { "bad" } else { "good" }, "view {view}: {checks:?}");
     }
     let warnings = ran.json()["warnings"].to_string();
-    assert!(warnings.contains("view 3: focus change is"), "{warnings}");
+    assert!(warnings.contains("view 3: motion is"), "{warnings}");
 
     let ran = capture(&lab, "off", "shaken_frame_at = 3", &["--quality", "off"]).succeeds();
     assert!(ran.json()["view_details"][3]["quality"].is_null());
