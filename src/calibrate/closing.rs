@@ -230,3 +230,74 @@ fn regress(rows: &[Row], m: usize, height_px: f64) -> Option<[[f64; 2]; 2]> {
     let told = [0, 1].map(|k| [found[k], blocks[(k, k)].max(inverse[(k, k)] * ALIKE * m as f64).sqrt()]);
     told.iter().flatten().all(|x| x.is_finite()).then_some(told)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LINE: Line = Line { column_px: 160.0, row_px: 290.0, roll_rad: 0.0 };
+
+    /// A barrel of elliptic slices (their half axes 90 and 60 px at the middle, turned with the height), 8 px off the
+    /// axis, seen before parallel rays.
+    fn seen(angle: f64, shift: f64) -> Silhouette {
+        let size = [320, 300];
+        let distance_px = (0..size[0] * size[1])
+            .map(|k| {
+                let [u, z] = LINE.coordinates([(k % size[0]) as f64 - shift, (k / size[0]) as f64]);
+                let barrel = (1.0 - ((z - 140.0) / 125.0).powi(2)).max(0.0).sqrt();
+                let t = angle + 0.004 * z;
+                let half = barrel * (90.0 * t.cos()).hypot(60.0 * t.sin());
+                let across = (u - 8.0 * angle.cos()).abs() - half;
+                across.max((z - 140.0).abs() - 125.0) as f32
+            })
+            .collect();
+        Silhouette { picture: size, origin: [0, 0], size, distance_px }
+    }
+
+    fn told(true_angles: &[f64], nominal: &[f64]) -> Vec<Closing> {
+        let shift = |i: usize| 0.3 * (1.7 * i as f64).sin();
+        let silhouettes: Vec<Silhouette> =
+            true_angles.iter().enumerate().map(|(i, a)| seen(*a, shift(i))).collect();
+        let views: Vec<Sample> =
+            silhouettes.iter().map(|silhouette| Sample { silhouette, pedestal: None }).collect();
+        closings(&views, nominal, &LINE)
+    }
+
+    #[test]
+    fn the_closing_view_tells_how_far_the_grain_has_turned_too_far() {
+        let nominal: Vec<f64> = (0..26).map(|i| (7.2 * f64::from(i)).to_radians()).collect();
+        for ahead in [-1.8f64, 0.0, 0.9] {
+            let angles: Vec<f64> = nominal.iter().map(|a| a * (1.0 + ahead / 180.0)).collect();
+            let [c] = told(&angles, &nominal)[..] else { panic!("one pair closes") };
+            assert_eq!(c.views, [0, 25]);
+            let error = c.rad.to_degrees() - ahead;
+            assert!(error.abs() < 0.05 + 0.1 * ahead.abs(), "{ahead}: {:.3}°", c.rad.to_degrees());
+            assert!(c.sigma_rad.to_degrees() < 0.3);
+            let [near, sigma] = c.reciprocal.unwrap();
+            assert!(near.abs() < 3.0 * sigma.max(1e-5), "parallel rays: {near} ± {sigma}");
+        }
+    }
+
+    #[test]
+    fn after_a_whole_turn_every_view_closes_with_its_mirror_and_the_last_with_the_first() {
+        let nominal: Vec<f64> = (0..51).map(|i| (7.2 * f64::from(i)).to_radians()).collect();
+        let angles: Vec<f64> = nominal
+            .iter()
+            .enumerate()
+            .map(|(i, a)| a + if i >= 30 { 1f64.to_radians() } else { 0.0 })
+            .collect();
+        let all = told(&angles, &nominal);
+        for c in &all {
+            let crossed = c.views[0] < 30 && c.views[1] >= 30;
+            let expected = if crossed { 1.0 } else { 0.0 };
+            assert!((c.rad.to_degrees() - expected).abs() < 0.2, "{:?}: {:.2}°", c.views, c.rad.to_degrees());
+        }
+        assert!(all.len() >= 24, "{}", all.len());
+    }
+
+    #[test]
+    fn views_of_less_than_half_a_turn_close_nowhere() {
+        let nominal: Vec<f64> = (0..20).map(|i| (7.2 * f64::from(i)).to_radians()).collect();
+        assert!(told(&nominal, &nominal).is_empty());
+    }
+}
