@@ -60,7 +60,7 @@ fn every_view_has_its_outline_on_the_edge_of_the_grain() {
     let steps = hull["convergence"].as_array().unwrap();
     let [views, volumes]: [Vec<f64>; 2] =
         ["views", "volume_mm3"].map(|name| steps.iter().map(|s| s[name].as_f64().unwrap()).collect());
-    assert!(views[0] == 2.0 && views.is_sorted(), "{views:?}");
+    assert!(views[0] < 2.5 && views.is_sorted(), "{views:?}");
     assert_eq!(views.last().copied(), result["views"].as_f64());
     assert_eq!(volumes.last().copied(), hull["volume_mm3"].as_f64());
     assert!(volumes[0] > 1.1 * volumes[volumes.len() - 1], "{volumes:?}");

@@ -37,9 +37,9 @@ impl Cone {
             });
             let rows = Rows::new(self, first, pitch_mm, middle, scale, &center);
             if fits {
-                rows.raise::<true>(s, values)
+                rows.raise::<true>(s, values);
             } else {
-                rows.raise::<false>(s, values)
+                rows.raise::<false>(s, values);
             }
             return;
         }
