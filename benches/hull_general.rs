@@ -145,6 +145,10 @@ fn main() {
     }
     for n in LIVE {
         let pitch = bounds.size().max() / f64::from(n);
+        tell_work(&format!("{VIEWS} views one by one, {n} cells"), || {
+            let mut grid = HullGrid::new(&bounds, pitch).expect("a grid");
+            cones.iter().for_each(|c| grid.carve(c));
+        });
         let mut each = vec![Vec::new(); VIEWS];
         let mut measures = Vec::new();
         for _ in 0..9 {
