@@ -19,7 +19,7 @@ fn is_outline(p: image::Rgb<u8>) -> bool {
 }
 
 fn is_drawing(name: &str) -> bool {
-    name.starts_with("outline_") || name.starts_with("calibration")
+    ["outline_", "calibration", "convergence"].iter().any(|drawing| name.starts_with(drawing))
 }
 
 #[test]
@@ -53,6 +53,17 @@ fn every_view_has_its_outline_on_the_edge_of_the_grain() {
         assert!(text.contains(part), "{part}");
     }
     assert!(result["products"]["calibration"].as_str().unwrap().ends_with("calibration.svg"));
+    let sheet = picture(&products.join("convergence.png"));
+    assert!(sheet.width() == 1200 && sheet.height() > 360);
+    assert!(result["products"]["convergence_png"].as_str().unwrap().ends_with("convergence.png"));
+    let hull = &result["hull"];
+    let steps = hull["convergence"].as_array().unwrap();
+    let [views, volumes]: [Vec<f64>; 2] =
+        ["views", "volume_mm3"].map(|name| steps.iter().map(|s| s[name].as_f64().unwrap()).collect());
+    assert!(views[0] < 2.5 && views.is_sorted(), "{views:?}");
+    assert_eq!(views.last().copied(), result["views"].as_f64());
+    assert_eq!(volumes.last().copied(), hull["volume_mm3"].as_f64());
+    assert!(volumes[0] > 1.1 * volumes[volumes.len() - 1], "{volumes:?}");
 
     lab.run(&["replay", "a"]).succeeds();
     lab.assert_sound("a");

@@ -13,8 +13,9 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-/// Mesh in three forms, figures, the calibration's sheet in two, and an outline for each view.
-const PRODUCTS: usize = 4 + 2 + VIEWS;
+/// Mesh in three forms, figures, the calibration's sheet and the hull's convergence in two each, and an outline for each
+/// view.
+const PRODUCTS: usize = 4 + 2 + 2 + VIEWS;
 
 fn captured() -> Lab {
     let lab = Lab::new();

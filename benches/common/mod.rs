@@ -44,8 +44,13 @@ pub fn rig(width: usize, height: usize) -> Settings {
 /// Ideal views of the built-in grain over half a turn, cut out of pictures of 17 µm a pixel.
 #[allow(dead_code)]
 pub fn views(count: usize) -> (Vec<Cone>, TruthHandle) {
-    let settings = rig(1296, 864);
-    let (_, _, truth) = open(&settings).expect("the built-in grain");
+    views_by(&rig(1296, 864), count)
+}
+
+/// Ideal views of a rig's grain over half a turn.
+#[allow(dead_code)]
+pub fn views_by(settings: &Settings, count: usize) -> (Vec<Cone>, TruthHandle) {
+    let (_, _, truth) = open(settings).expect("the built-in grain");
     let cut_out = silhouette::Settings { pedestal: PedestalMode::None, ..silhouette::Settings::default() };
     let cones = (0..count)
         .map(|i| {

@@ -2,7 +2,7 @@
 
 use super::DaemonError;
 use crate::pipeline::MeshSettings;
-use crate::pipeline::{Reconstruction, ResultFile, SHEET, products};
+use crate::pipeline::{CONVERGENCE, Reconstruction, ResultFile, SHEET, products};
 use crate::session::event::{Happening, ProductRecord};
 use crate::session::{Recording, Session, sha256_hex};
 use std::collections::BTreeMap;
@@ -121,7 +121,7 @@ fn kind(file: &str) -> String {
     let (stem, ending) = file.rsplit_once('.').unwrap_or((file, ""));
     match (stem, ending) {
         ("grain", ending) => ending.into(),
-        (SHEET, "png") => format!("{SHEET}_png"),
+        (SHEET | CONVERGENCE, "png") => format!("{stem}_png"),
         (stem, _) => stem.into(),
     }
 }

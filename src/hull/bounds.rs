@@ -89,30 +89,56 @@ fn ray(projection: &Projection, [u, v]: [f64; 2]) -> Option<(Point, Vector)> {
 }
 
 /// The box of the coarse cells that no view removes, or `None` where all go.
+///
+/// Only cells that could make the box larger are tested: what lies within it already changes nothing.
 fn carve_coarsely(cones: &[Cone], cube: &Aabb) -> Option<Aabb> {
     use rayon::prelude::*;
     let cell = cube.size() / COARSE as f64;
-    let reach = 0.5 * cell.norm();
-    let at = |i: usize, k: usize, add: f64| cube.min[k] + (i as f64 + add) * cell[k];
-    let slabs: Vec<Option<Aabb>> = (0..COARSE)
+    let half = 0.5 * cell;
+    let slabs: Vec<Option<[[usize; 2]; 2]>> = (0..COARSE)
         .into_par_iter()
         .map(|z| {
-            let mut kept: Option<Aabb> = None;
+            // The view that removed the last cell often removes its neighbour too.
+            let mut last = 0;
+            let mut stays = |x: usize, y: usize| {
+                let at = Vector::new(x as f64 + 0.5, y as f64 + 0.5, z as f64 + 0.5);
+                let center = cube.min + at.component_mul(&cell);
+                let removes = |c: &Cone| c.side_of_box(&center, &half) == Side::Outside;
+                if removes(&cones[last]) {
+                    return false;
+                }
+                match cones.iter().position(removes) {
+                    Some(view) => last = view,
+                    None => return true,
+                }
+                false
+            };
+            let mut kept: Option<[[usize; 2]; 2]> = None;
             for y in 0..COARSE {
-                for x in 0..COARSE {
-                    let center = Point::new(at(x, 0, 0.5), at(y, 1, 0.5), at(z, 2, 0.5));
-                    if cones.iter().any(|c| c.side_of_ball(&center, reach) == Side::Outside) {
-                        continue;
-                    }
-                    let b = Aabb {
-                        min: Point::new(at(x, 0, 0.0), at(y, 1, 0.0), at(z, 2, 0.0)),
-                        max: Point::new(at(x + 1, 0, 0.0), at(y + 1, 1, 0.0), at(z + 1, 2, 0.0)),
-                    };
-                    kept = Some(kept.map_or(b, |k| Aabb { min: k.min.inf(&b.min), max: k.max.sup(&b.max) }));
+                let [left, right] = kept.map_or([COARSE, 0], |[across, _]| across);
+                let first = (0..left).find(|x| stays(*x, y));
+                let right = right.max(first.map_or(0, |x| x + 1));
+                let last = (right..COARSE).rev().find(|x| stays(*x, y));
+                // Only the row's being there may still make the box larger.
+                if first.is_some() || last.is_some() || (left..right).any(|x| stays(x, y)) {
+                    let across = [first.unwrap_or(left), last.map_or(right, |x| x + 1)];
+                    kept = Some([across, [kept.map_or(y, |k| k[1][0]), y + 1]]);
                 }
             }
             kept
         })
         .collect();
-    slabs.into_iter().flatten().reduce(|a, b| Aabb { min: a.min.inf(&b.min), max: a.max.sup(&b.max) })
+    let mut bounds: Option<[[usize; 2]; 3]> = None;
+    for (z, slab) in slabs.into_iter().enumerate() {
+        let Some([x, y]) = slab else { continue };
+        let own = [x, y, [z, z + 1]];
+        bounds =
+            Some(bounds.map_or(own, |b| [0, 1, 2].map(|k| [b[k][0].min(own[k][0]), b[k][1].max(own[k][1])])));
+    }
+    let b = bounds?;
+    let corner = |end: usize| {
+        let at = Vector::new(b[0][end] as f64, b[1][end] as f64, b[2][end] as f64);
+        cube.min + at.component_mul(&cell)
+    };
+    Some(Aabb { min: corner(0), max: corner(1) })
 }

@@ -11,6 +11,9 @@ const BEHIND_MM: f64 = 1e6;
 /// a distance errs by less than the pixel's half diagonal where the outline's skeleton runs.
 const FIELD_SLACK_PX: f64 = 0.75;
 
+/// The nearest part of a box may be at this part of its centre's depth: nearer, its picture says little.
+const LEAST_DEPTH: f64 = 0.1;
+
 /// A view's camera and silhouette.
 #[derive(Debug, Clone)]
 pub struct Cone {
@@ -20,15 +23,24 @@ pub struct Cone {
     uniform_px_per_mm: Option<f64>,
 }
 
-/// Where a ball lies with respect to a cone.
+/// Where a box lies with respect to a cone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Side {
-    /// The whole ball is inside.
+pub(super) enum Side {
+    /// The whole box is inside.
     Inside,
-    /// The whole ball is outside.
+    /// The whole box is outside.
     Outside,
-    /// The outline may pass through the ball.
+    /// The outline may pass through the box.
     Across,
+}
+
+/// A box's picture.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Spot {
+    /// Column and row of the picture of its centre.
+    pub(super) center_px: [f64; 2],
+    /// No place of the box is seen farther from the centre's picture than this, pixels.
+    pub(super) reach_px: f64,
 }
 
 impl Cone {
@@ -49,7 +61,8 @@ impl Cone {
         &self.silhouette
     }
 
-    fn scale(&self, p: &Point) -> Option<f64> {
+    /// The most pixels that 1 mm at `p` can be seen as; `None` at or behind the camera.
+    pub(super) fn px_per_mm(&self, p: &Point) -> Option<f64> {
         self.uniform_px_per_mm.or_else(|| self.projection.px_per_mm(p))
     }
 
@@ -57,53 +70,44 @@ impl Cone {
     /// places outside the picture or behind the camera are outside.
     #[inline]
     pub fn value_mm(&self, p: &Point) -> f64 {
-        let (Some(q), Some(scale)) = (self.projection.project(p), self.scale(p)) else { return BEHIND_MM };
+        let (Some(q), Some(scale)) = (self.projection.project(p), self.px_per_mm(p)) else {
+            return BEHIND_MM;
+        };
         self.silhouette.signed_distance_px(q) / scale
     }
 
-    /// Raises each value to the signed distance (mm) at its place where that is greater. The places lie on a line
-    /// along x, `pitch_mm` apart, the first at `first`: before parallel rays the picture moves by the same step.
-    pub(super) fn carve_row(&self, first: &Point, pitch_mm: f64, values: &mut [f32]) {
-        let Some(scale) = self.uniform_px_per_mm else {
-            for (i, value) in values.iter_mut().enumerate() {
-                let p = first + Vector::x() * (i as f64 * pitch_mm);
-                *value = value.max(self.value_mm(&p) as f32);
-            }
-            return;
-        };
+    /// The picture of the box about `center`: its centre's and how far it reaches from there. `None` where the box
+    /// comes close to the camera or reaches behind it.
+    ///
+    /// A displacement s moves the picture by A s/(w + m₃·s), where row i of A is mᵢ − uᵢ m₃, w is the centre's depth
+    /// and mᵢ are the rows of the camera's matrix: greatest at a corner, over the least depth.
+    #[inline]
+    pub(super) fn spot(&self, center: &Point, half: &Vector) -> Option<Spot> {
         let m = &self.projection.matrix;
-        let (w, mm_per_px) = (m[(2, 3)], 1.0 / scale);
-        let row = |r: usize| {
-            let at = m[(r, 0)] * first.x + m[(r, 1)] * first.y + m[(r, 2)] * first.z + m[(r, 3)];
-            (at / w, m[(r, 0)] * pitch_mm / w)
-        };
-        let ((u, du), (v, dv)) = (row(0), row(1));
-        for (i, value) in values.iter_mut().enumerate() {
-            let i = i as f64;
-            let d = self.silhouette.signed_distance_px([u + i * du, v + i * dv]) * mm_per_px;
-            *value = value.max(d as f32);
+        let at = |r: usize| m[(r, 0)] * center.x + m[(r, 1)] * center.y + m[(r, 2)] * center.z + m[(r, 3)];
+        let w = at(2);
+        let fall = m[(2, 0)].abs() * half.x + m[(2, 1)].abs() * half.y + m[(2, 2)].abs() * half.z;
+        let least = w - fall;
+        if !(w > 0.0 && least > LEAST_DEPTH * w) {
+            return None;
         }
+        let center_px = [at(0) / w, at(1) / w];
+        let row = |r: usize| [0, 1, 2].map(|k| (m[(r, k)] - center_px[r] * m[(2, k)]) * half[k]);
+        let (a, b) = (row(0), row(1));
+        let corner = |s: f64, t: f64| {
+            let (x, y) = (a[0] + s * a[1] + t * a[2], b[0] + s * b[1] + t * b[2]);
+            x * x + y * y
+        };
+        let farthest = corner(1.0, 1.0).max(corner(1.0, -1.0)).max(corner(-1.0, 1.0)).max(corner(-1.0, -1.0));
+        Some(Spot { center_px, reach_px: farthest.sqrt() / least })
     }
 
-    /// Where the ball of `radius_mm` about `center` lies: sound, not sharp (`Across` may be said too often).
+    /// Where the box of half edges `half` about `center` lies: sound, not sharp (`Across` may be said too often).
     #[inline]
-    pub fn side_of_ball(&self, center: &Point, radius_mm: f64) -> Side {
-        let (Some(q), Some(scale)) = (self.projection.project(center), self.scale(center)) else {
-            return Side::Across;
-        };
-        let mut reach = radius_mm * scale;
-        if self.uniform_px_per_mm.is_none() {
-            // Nearer to the camera the picture grows: bound it by the ball's nearest depth.
-            let m = &self.projection.matrix;
-            let w = m[(2, 0)] * center.x + m[(2, 1)] * center.y + m[(2, 2)] * center.z + m[(2, 3)];
-            let fall = radius_mm * (m[(2, 0)].powi(2) + m[(2, 1)].powi(2) + m[(2, 2)].powi(2)).sqrt();
-            if fall >= 0.9 * w {
-                return Side::Across;
-            }
-            reach *= (w / (w - fall)).powi(2);
-        }
-        reach += FIELD_SLACK_PX;
-        let d = self.silhouette.signed_distance_px(q);
+    pub(super) fn side_of_box(&self, center: &Point, half: &Vector) -> Side {
+        let Some(spot) = self.spot(center, half) else { return Side::Across };
+        let reach = spot.reach_px + FIELD_SLACK_PX;
+        let d = self.silhouette.signed_distance_px(spot.center_px);
         if d > reach {
             Side::Outside
         } else if d < -reach {

@@ -6,6 +6,7 @@
 mod bounds;
 mod cone;
 mod grid;
+mod lattice;
 mod measure;
 mod reproject;
 

@@ -1,7 +1,7 @@
 //! The hull seen again by a camera: how well it fills the silhouette that carved it.
 
 use super::Cone;
-use crate::geometry::Point;
+use crate::geometry::{Aabb, Point};
 
 /// Intersection over union of a view's silhouette and the picture of a closed surface's triangles.
 ///
@@ -9,21 +9,55 @@ use crate::geometry::Point;
 /// inconsistent cameras or silhouettes carve away what a view has seen, so its value falls.
 pub fn silhouette_iou(cone: &Cone, triangles: &[[Point; 3]]) -> f64 {
     let s = cone.silhouette();
-    let [w, h] = s.picture;
+    let window = window(cone, triangles);
+    let [w, h] = window.size;
     let mut covered = vec![false; w * h];
     for t in triangles {
         let [Some(a), Some(b), Some(c)] = t.map(|p| cone.projection().project(&p)) else { continue };
+        let [a, b, c] = [a, b, c].map(|p| [0, 1].map(|k| p[k] - window.origin[k] as f64));
         fill(&mut covered, w, h, a, b, c);
     }
     let (mut both, mut either) = (0u64, 0u64);
     for row in 0..h {
         for column in 0..w {
-            let (x, y) = (s.contains(column, row), covered[row * w + column]);
+            let x = s.contains(window.origin[0] + column, window.origin[1] + row);
+            let y = covered[row * w + column];
             both += u64::from(x && y);
             either += u64::from(x || y);
         }
     }
     if either == 0 { 0.0 } else { both as f64 / either as f64 }
+}
+
+/// A rectangle of pixels.
+struct Window {
+    origin: [usize; 2],
+    size: [usize; 2],
+}
+
+/// The part of the picture in which the silhouette and the triangles' pictures lie: of a large picture a few per
+/// cent. The whole picture where a part of the triangles' box is behind the camera.
+fn window(cone: &Cone, triangles: &[[Point; 3]]) -> Window {
+    let s = cone.silhouette();
+    let whole = Window { origin: [0, 0], size: s.picture };
+    let Some(bounds) = Aabb::of(triangles.iter().flatten().copied()) else {
+        return Window { origin: s.origin, size: s.size };
+    };
+    let mut corners = Vec::new();
+    for corner in bounds.corners() {
+        let Some(seen) = cone.projection().project(&corner) else { return whole };
+        corners.push(seen);
+    }
+    let origin: [usize; 2] = std::array::from_fn(|k| {
+        let low = corners.iter().map(|c| c[k]).fold(f64::INFINITY, f64::min).floor();
+        s.origin[k].min(low.max(0.0) as usize)
+    });
+    let size = std::array::from_fn(|k| {
+        let high = corners.iter().map(|c| c[k]).fold(f64::NEG_INFINITY, f64::max).ceil();
+        let end = (s.origin[k] + s.size[k]).max((high.max(0.0) as usize).saturating_add(1));
+        end.min(s.picture[k]) - origin[k]
+    });
+    Window { origin, size }
 }
 
 /// Marks the pixels whose centres lie in the triangle a b c.

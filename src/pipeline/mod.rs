@@ -5,6 +5,7 @@
 //! opposite silhouettes, the hull is carved again with the measured cameras, meshed and written.
 
 mod cameras;
+mod convergence;
 mod decode;
 mod jpeg;
 mod pictures;
@@ -16,6 +17,7 @@ mod settings;
 mod stand;
 mod stream;
 
+pub use convergence::{CONVERGENCE, Convergence};
 pub use decode::{Photograph, decode};
 pub use jpeg::Jpeg;
 pub use pictures::{OUTLINE, SHEET};

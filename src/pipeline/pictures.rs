@@ -43,14 +43,14 @@ pub(super) fn outlines(taken: &[Taken], axis: Option<&AxisResult>) -> Result<Vec
     taken.par_iter().filter_map(one).collect()
 }
 
-/// The sheet of the calibration, as SVG and PNG.
-pub(super) fn sheet_files(sheet: &Sheet) -> Result<[Product; 2], PipelineError> {
-    let file = |ending: &str| format!("{SHEET}.{ending}");
+/// A sheet, as SVG and PNG.
+pub(super) fn sheet_files(name: &str, sheet: &Sheet) -> Result<[Product; 2], PipelineError> {
+    let file = |ending: &str| format!("{name}.{ending}");
     let png =
         (sheet.png()).map_err(|e| PipelineError::Drawing { file: file("png"), reason: e.to_string() })?;
     Ok([
-        Product { kind: SHEET.into(), file: file("svg"), bytes: sheet.svg() },
-        Product { kind: format!("{SHEET}_png"), file: file("png"), bytes: png },
+        Product { kind: name.into(), file: file("svg"), bytes: sheet.svg() },
+        Product { kind: format!("{name}_png"), file: file("png"), bytes: png },
     ])
 }
 

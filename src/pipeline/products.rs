@@ -1,6 +1,7 @@
 //! The products of a session, as bytes.
 
-use super::pictures::sheet_files;
+use super::convergence::{CONVERGENCE, drawn};
+use super::pictures::{SHEET, sheet_files};
 use super::{PipelineError, Reconstruction};
 use crate::export::{inp, stl, vtu};
 use crate::report::Sheet;
@@ -8,7 +9,7 @@ use crate::report::Sheet;
 /// One product.
 #[derive(Debug, Clone)]
 pub struct Product {
-    /// What it is: `inp`, `vtu`, `stl`, `calibration`, `calibration_png`, `outline_00` and so on.
+    /// What it is: `inp`, `vtu`, `stl`, `calibration`, `calibration_png`, `convergence`, `convergence_png`, `outline_00` and so on.
     pub kind: String,
     /// Its file name.
     pub file: String,
@@ -45,7 +46,11 @@ pub fn products(made: &Reconstruction, software: &str, session: &str) -> Result<
         .into();
     if let Some(sheet) = &made.sheet {
         let title = format!("Calibration of session {session} ({software})");
-        out.extend(sheet_files(&Sheet { title, ..sheet.clone() })?);
+        out.extend(sheet_files(SHEET, &Sheet { title, ..sheet.clone() })?);
+        if let Some(sheet) = drawn(&made.hull.convergence) {
+            let title = format!("Convergence of the hull of session {session} ({software})");
+            out.extend(sheet_files(CONVERGENCE, &Sheet { title, ..sheet })?);
+        }
     }
     out.extend(made.outlines.iter().cloned());
     Ok(out)

@@ -1,6 +1,7 @@
 //! All views are in: axis, cameras, hull, mesh.
 
 use super::cameras::{Measured, cameras_of};
+use super::convergence::convergence;
 use super::result::{AxisResult, HullResult, MeshResult, ResultFile, Timing, ViewResult};
 use super::stand::contact_patch;
 use super::{Cameras, LengthUnit, Observer, PipelineError, Product, Settings, TurntableSettings, pictures};
@@ -92,7 +93,7 @@ impl Reconstruction {
             axis: self.axis,
             pedestal: self.stand.clone(),
             calibration: self.calibration.clone(),
-            hull: self.hull,
+            hull: self.hull.clone(),
             mesh: self.mesh,
             products,
             timing_s,
@@ -147,15 +148,13 @@ pub(super) fn reconstruct(
     let longest = bounds.size().max();
     let by_default = scale_mm_per_px.unwrap_or(0.0).max(longest / MOST_DEFAULT_CELLS);
     let mut grid = HullGrid::new(&bounds, settings.hull.voxel_mm.unwrap_or(by_default))?;
-    for (k, cone) in cones.iter().enumerate() {
-        grid.carve(cone);
-        working("hull", (k + 1) as f64 / cones.len() as f64);
-    }
+    grid.carve_all(&cones, &mut |done| working("hull", done));
     let measures = grid.measures();
     let tight = measures.bounding_box_mm.ok_or(crate::hull::HullError::Empty { views: cones.len() })?;
     let voxels = grid.count_voxels();
     let triangles = grid.surface_triangles();
     drop(grid);
+    let converging = convergence(&cones, measures.volume_mm3);
     let ious: Vec<f64> = {
         use rayon::prelude::*;
         cones.par_iter().map(|c| silhouette_iou(c, &triangles)).collect()
@@ -209,7 +208,7 @@ pub(super) fn reconstruct(
     let report_s = start.elapsed().as_secs_f64();
     let silhouette_s = taken.iter().map(|t| t.seconds).sum::<f64>();
     Ok(Reconstruction {
-        hull: HullResult::new(&measures, &voxels, &ious, patch, metric),
+        hull: HullResult::new(&measures, &voxels, &ious, patch, converging, metric),
         mesh: MeshResult::new(&tetrahedra, &controls, metric),
         views,
         scale_mm_per_px,

@@ -1,5 +1,6 @@
 //! What `result.json` says: every figure with its unit in its name.
 
+use super::convergence::Convergence;
 use super::stand::ContactPatch;
 use crate::calibrate::{AxisMethod, Calibration};
 use crate::geometry::Aabb;
@@ -72,7 +73,7 @@ pub struct ViewResult {
 }
 
 /// The visual hull: an upper bound of the grain.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct HullResult {
     /// Volume, mm³; `null` where the cameras have no unit.
     pub volume_mm3: Option<f64>,
@@ -88,6 +89,10 @@ pub struct HullResult {
     pub contact_patch: Option<ContactPatch>,
     /// How well the hull, seen again, fills the silhouettes.
     pub silhouette_iou: Agreement,
+    /// Volumes of the hulls of fewer views, each time spread evenly over the session, and of all: what a further
+    /// view would still take away. Measured on a coarse grid and normalised by the full hull. Empty where the cameras
+    /// have no unit.
+    pub convergence: Vec<Convergence>,
 }
 
 /// Intersection over union, over the views.
@@ -105,6 +110,7 @@ impl HullResult {
         v: &VoxelCount,
         ious: &[f64],
         contact_patch: Option<ContactPatch>,
+        convergence: Vec<Convergence>,
         metric: bool,
     ) -> Self {
         let stated = |x: f64| metric.then_some(x);
@@ -119,6 +125,7 @@ impl HullResult {
                 mean: ious.iter().sum::<f64>() / ious.len().max(1) as f64,
                 min: ious.iter().copied().fold(1.0, f64::min),
             },
+            convergence: if metric { convergence } else { Vec::new() },
         }
     }
 }
