@@ -8,6 +8,7 @@ mod cone;
 mod grid;
 mod measure;
 mod reproject;
+pub mod slices;
 
 pub use bounds::find_bounds;
 pub use cone::Cone;
