@@ -51,7 +51,10 @@ impl Chain {
                     return false;
                 }
             }
-            while lines.len() > head + 1 && beyond(corners[head], j) {
+            // Only past half a turn from the chain's first line can j cut that off: where many lines meet in one place,
+            // rounding alone may put the first corner beyond j.
+            let past = |head: usize, lines: &[u32]| cross(normal(j), normal(lines[head])) > 0.0;
+            while lines.len() > head + 1 && past(head, lines) && beyond(corners[head], j) {
                 head += 1;
                 if cross(normal(j), normal(lines[head])) <= 0.0 {
                     return false;
@@ -159,8 +162,27 @@ mod tests {
         }
     }
 
+    #[test]
+    fn lines_that_meet_in_the_corners_of_a_body_leave_the_body() {
+        // Tight strips about a triangle, anywhere: most lines go through one of three places.
+        for turn in 0..400 {
+            let t = f64::from(turn) * 0.0137;
+            let body = [0.3, 2.4, 4.4].map(|a: f64| [0.2 + 0.5 * (a + t).cos(), 0.5 * (a + t).sin() - 0.1]);
+            let angles: Vec<f64> = (0..72).map(|k| PI * f64::from(k) / 72.0).collect();
+            let normals = strips(&angles);
+            let reach = |n: &[f64; 2]| body.iter().map(|c| dot(*n, *c)).fold(f64::MIN, f64::max);
+            let h: Vec<f64> = normals.iter().map(reach).collect();
+            let mut out = Vec::new();
+            assert!(Chain::default().intersect(&normals, &h, &mut out), "{turn}");
+            let area = |c: &[Corner]| Moments::of(c).area;
+            let triangle = body.map(|at| Corner { at, edge: 0 });
+            assert!((1.0..1.05).contains(&(area(&out) / area(&triangle))), "{turn}");
+            assert!((area(&out) - by_cutting(&normals, &h)).abs() < 1e-12, "{turn}");
+        }
+    }
+
     proptest! {
-        #![proptest_config(ProptestConfig { rng_seed: RngSeed::Fixed(11), cases: 4000, ..ProptestConfig::default() })]
+        #![proptest_config(ProptestConfig { rng_seed: RngSeed::Fixed(11), cases: 4000, failure_persistence: None, ..ProptestConfig::default() })]
         #[test]
         fn in_angular_order_it_is_what_cutting_one_by_one_gives(
             angles in proptest::collection::vec(0.0..PI, 2..12),

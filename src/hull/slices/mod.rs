@@ -12,11 +12,21 @@
 
 mod cut;
 mod directions;
+mod mask;
+mod measure;
 mod moments;
+mod read;
 mod row;
+mod sight;
 mod strips;
+mod surface;
+mod voxels;
 
+pub use mask::BitMask;
+pub use measure::{SliceFigures, SliceMeasures};
+pub use sight::Sight;
 pub use strips::{Ladder, Strips};
+pub use voxels::{BitVoxels, VoxelGrid};
 
 use cut::Corner;
 use rayon::prelude::*;
@@ -28,7 +38,9 @@ const ROWS_AT_ONCE: usize = 16;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SliceError {
     /// All views look along one line, so that the slices have no end.
-    #[error("{views} view(s) look along one line only; a slice is bounded by views from at least 2 directions")]
+    #[error(
+        "{views} view(s) look along one line only; a slice is bounded by views from at least 2 directions"
+    )]
     OneDirection {
         /// How many views.
         views: usize,
@@ -39,6 +51,34 @@ pub enum SliceError {
         .0.first_mm, .0.pitch_mm, .0.rows, strips::MOST_ROWS
     )]
     Ladder(Ladder),
+    /// A camera before which a slice is no line.
+    #[error(
+        "{}: exact slices need parallel rays square to the axis (within 1e-6 rad); use the hull on a grid",
+        .rise_rad.map_or("the view has perspective".to_owned(), |r| format!("the view's rays rise by {:.4}°", r.to_degrees()))
+    )]
+    NotLevel {
+        /// How far the rays are from level, radians; `None` where they are not parallel to each other.
+        rise_rad: Option<f64>,
+    },
+    /// The outlines share no height.
+    #[error(
+        "the highest bottom of an outline is at {low_mm} mm and the lowest top at {high_mm} mm: the views share no height; \
+         check that all show the same grain and the same pedestal"
+    )]
+    NoCommonHeight {
+        /// The highest of the outlines' lowest places, mm.
+        low_mm: f64,
+        /// The lowest of their highest places, mm.
+        high_mm: f64,
+    },
+    /// Voxels that cannot be made.
+    #[error("{dims:?} voxels of {pitch_mm} mm: their edge must be a positive number, and they at most 2^34")]
+    Voxels {
+        /// Edge of a voxel, mm.
+        pitch_mm: f64,
+        /// Voxels along x, y and z.
+        dims: [usize; 3],
+    },
     /// Views with different rows.
     #[error("view {view} has the rows {ladder:?}, the first view {first:?}: read all views on one ladder")]
     Ladders {

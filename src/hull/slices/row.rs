@@ -3,6 +3,9 @@
 use super::cut::{Chain, Corner, clip, dot};
 use super::directions::Direction;
 
+/// Edges shorter than this share of the farthest coordinate are rounding.
+const SHORT: f64 = 1e-12;
+
 /// Working memory for rows, so that a row whose outlines are single intervals allocates nothing.
 #[derive(Debug, Default)]
 pub(super) struct Bench {
@@ -70,11 +73,26 @@ impl Bench {
             for (side, h, edge) in [(up, from, below), (down, -to, above)] {
                 let mut part = Vec::with_capacity(piece.len() + 1);
                 clip(&piece, side, h, edge, &mut part);
+                drop_short(&mut part);
                 if part.len() > 2 {
                     self.next.push(part);
                 }
             }
         }
         std::mem::swap(&mut self.pieces, &mut self.next);
+    }
+}
+
+/// Drops edges that are rounding, where several lines meet in one place: a cut through it may put them out of order.
+fn drop_short(piece: &mut Vec<Corner>) {
+    let reach = piece.iter().fold(0.0, |m: f64, c| m.max(c.at[0].abs()).max(c.at[1].abs()));
+    let mut k = 0;
+    while k < piece.len() && piece.len() > 2 {
+        let (a, b) = (piece[k].at, piece[(k + 1) % piece.len()].at);
+        if (a[0] - b[0]).abs().max((a[1] - b[1]).abs()) <= SHORT * reach {
+            piece.remove(k);
+        } else {
+            k += 1;
+        }
     }
 }

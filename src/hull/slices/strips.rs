@@ -34,7 +34,11 @@ impl Ladder {
 
     pub(super) fn checked(self) -> Result<Self, SliceError> {
         let sound = self.first_mm.is_finite() && self.pitch_mm.is_finite() && self.pitch_mm > 0.0;
-        if sound && self.rows > 0 && self.rows <= MOST_ROWS { Ok(self) } else { Err(SliceError::Ladder(self)) }
+        if sound && self.rows > 0 && self.rows <= MOST_ROWS {
+            Ok(self)
+        } else {
+            Err(SliceError::Ladder(self))
+        }
     }
 }
 
