@@ -16,6 +16,8 @@ fn grains() -> Vec<PathBuf> {
     let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
     let mut files: Vec<PathBuf> = (entries.map(|e| e.unwrap().path()))
         .filter(|p| p.extension().is_some_and(|e| e == "stl") && !p.to_string_lossy().contains("analytic"))
+        // The same shape as lsdem_sand, in smaller triangles.
+        .filter(|p| !p.ends_with("lsdem_sand_finer.stl"))
         .collect();
     files.sort();
     files
@@ -81,9 +83,18 @@ fn brute_force(mesh: &TriangleMesh, sets: &[Vec<f64>], pitch: f64) -> Vec<f64> {
                         let mut left = 0..across;
                         for (angle, seen) in angles.iter().zip(&seen) {
                             let (sin, cos) = angle.sin_cos();
-                            for i in left.clone() {
-                                let u = at(i) * cos - y * sin;
-                                alive[i] &= seen[k].iter().any(|[a, b]| u >= *a && u <= *b);
+                            let at = |i: usize| at(i) * cos - y * sin;
+                            match seen[k].as_slice() {
+                                [[a, b]] => {
+                                    for (i, alive) in left.clone().zip(&mut alive[left.clone()]) {
+                                        *alive = *alive & (at(i) >= *a) & (at(i) <= *b);
+                                    }
+                                }
+                                several => {
+                                    for (i, alive) in left.clone().zip(&mut alive[left.clone()]) {
+                                        *alive &= several.iter().any(|[a, b]| at(i) >= *a && at(i) <= *b);
+                                    }
+                                }
                             }
                             // What is dead at either end stays so.
                             let first = left.clone().find(|i| alive[*i]);

@@ -103,17 +103,24 @@ impl BitMask {
 
 /// Up to 64 pixels as bits.
 fn packed(pixels: &[u8]) -> u64 {
-    let mut word = 0;
-    for (k, eight) in pixels.chunks(8).enumerate() {
-        let mut bytes = [0; 8];
-        bytes[..eight.len()].copy_from_slice(eight);
-        // The highest bit of each byte says whether it is 0; the product brings these eight bits together.
-        let x = u64::from_le_bytes(bytes);
-        let low = 0x7f7f_7f7f_7f7f_7f7f;
-        let set = ((((x & low) + low) | x) & !low) >> 7;
-        word |= (set.wrapping_mul(0x0102_0408_1020_4080) >> 56) << (8 * k);
+    let (eights, rest) = pixels.as_chunks::<8>();
+    let whole = eights.iter().rfold(0, |word, eight| word << 8 | bits(*eight));
+    if rest.is_empty() {
+        return whole;
     }
-    word
+    let mut last = [0; 8];
+    last[..rest.len()].copy_from_slice(rest);
+    whole | bits(last) << (8 * eights.len())
+}
+
+/// Eight pixels as the lowest bits.
+#[inline]
+fn bits(pixels: [u8; 8]) -> u64 {
+    // The highest bit of each byte says whether it is 0; the product brings these eight bits together.
+    let x = u64::from_le_bytes(pixels);
+    let low = 0x7f7f_7f7f_7f7f_7f7f;
+    let set = ((((x & low) + low) | x) & !low) >> 7;
+    set.wrapping_mul(0x0102_0408_1020_4080) >> 56
 }
 
 impl Ladder {

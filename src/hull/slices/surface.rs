@@ -1,7 +1,7 @@
 //! The surface between neighbouring slices, and at the ends of a stack.
 
 use super::SlicedHull;
-use super::cut::{Corner, clip, cross, dot};
+use super::cut::{Corner, clip, dot};
 use super::moments::Moments;
 
 /// A part of a slice, or of a piece, that rounding may have left where outlines only touch.
@@ -14,9 +14,9 @@ pub(super) fn between(hull: &SlicedHull, lower: usize, upper: usize) -> f64 {
     match (a.as_slice(), b.as_slice()) {
         ([], _) | (_, []) => 0.0,
         ([a], [b]) => mantle(a, b, &hull.normals, pitch),
-        _ => match pairs(&a, &b) {
+        _ => match pairs(&a, &b, &hull.normals) {
             Some(pairs) => pairs.iter().map(|[a, b]| mantle(a, b, &hull.normals, pitch)).sum(),
-            None => lump(&a, &b, pitch),
+            None => lump(&a, &b, &hull.normals, pitch),
         },
     }
 }
@@ -95,12 +95,12 @@ fn mantle(a: &[Corner], b: &[Corner], normals: &[[f64; 2]], pitch: f64) -> f64 {
 }
 
 /// The pieces of two slices that belong together: each overlaps one of the other slice, and that one no other.
-fn pairs<'a>(a: &[&'a [Corner]], b: &[&'a [Corner]]) -> Option<Vec<[&'a [Corner]; 2]>> {
+fn pairs<'a>(a: &[&'a [Corner]], b: &[&'a [Corner]], normals: &[[f64; 2]]) -> Option<Vec<[&'a [Corner]; 2]>> {
     if a.len() != b.len() {
         return None;
     }
     let area = |p: &[Corner]| Moments::of(p).area;
-    let joined = |p: &[Corner], q: &[Corner]| overlap(p, q) > SLIVER * area(p).min(area(q));
+    let joined = |p: &[Corner], q: &[Corner]| overlap(p, q, normals) > SLIVER * area(p).min(area(q));
     let out: Vec<[&[Corner]; 2]> =
         a.iter().flat_map(|p| b.iter().filter(|q| joined(p, q)).map(|q| [*p, *q])).collect();
     let once = |side: usize, pieces: &[&[Corner]]| {
@@ -110,24 +110,23 @@ fn pairs<'a>(a: &[&'a [Corner]], b: &[&'a [Corner]]) -> Option<Vec<[&'a [Corner]
 }
 
 /// Slices that do not correspond: walls and floors taken as one slanting face.
-fn lump(a: &[&[Corner]], b: &[&[Corner]], pitch: f64) -> f64 {
+fn lump(a: &[&[Corner]], b: &[&[Corner]], normals: &[[f64; 2]], pitch: f64) -> f64 {
     let sum = |pieces: &[&[Corner]], f: &dyn Fn(&[Corner]) -> f64| pieces.iter().map(|p| f(p)).sum::<f64>();
     let wall = 0.5 * pitch * (sum(a, &perimeter) + sum(b, &perimeter));
     let area = |p: &[Corner]| Moments::of(p).area;
-    let common: f64 = a.iter().map(|p| sum(b, &|q| overlap(p, q))).sum();
+    let common: f64 = a.iter().map(|p| sum(b, &|q| overlap(p, q, normals))).sum();
     wall.hypot((sum(a, &area) + sum(b, &area) - 2.0 * common).max(0.0))
 }
 
-/// Area that two convex polygons share.
-fn overlap(a: &[Corner], b: &[Corner]) -> f64 {
+/// Area that two convex polygons share. Their edges' normals are the half-planes': those of edges that are as short as
+/// rounding could not be had from their ends.
+fn overlap(a: &[Corner], b: &[Corner], normals: &[[f64; 2]]) -> f64 {
     let mut part = a.to_vec();
     let mut next = Vec::new();
-    for (k, s) in b.iter().enumerate() {
-        let t = &b[(k + 1) % b.len()];
-        let (dx, dy) = (t.at[0] - s.at[0], t.at[1] - s.at[1]);
-        // The outward normal of the edge from s to t.
+    for corner in b {
+        let n = normals[corner.edge as usize];
         next.clear();
-        clip(&part, [dy, -dx], cross(s.at, t.at), 0, &mut next);
+        clip(&part, n, dot(n, corner.at), corner.edge, &mut next);
         std::mem::swap(&mut part, &mut next);
     }
     if part.len() > 2 { Moments::of(&part).area.max(0.0) } else { 0.0 }
