@@ -5,6 +5,7 @@ use grainrig::geometry::{Point, TriangleMesh};
 use grainrig::hull::slices::{Ladder, SlicedHull, Strips};
 use rayon::prelude::*;
 use std::f64::consts::PI;
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 /// Voxels along the longest edge, and rows of the slices: different, so that nothing coincides.
@@ -151,7 +152,7 @@ fn real_grains_have_the_volume_of_their_voxels() {
                 let hull = SlicedHull::new(&views).unwrap();
                 let (exact, counted) = (100.0 * hull.volume_mm3() / volume, 100.0 * counted / volume);
                 let pieces = (0..ladder.rows).map(|k| hull.slice_figures(k).pieces).max().unwrap();
-                line += &format!("  {exact:7.3} ({counted:7.3}; {pieces})");
+                write!(line, "  {exact:7.3} ({counted:7.3}; {pieces})").unwrap();
                 assert!(exact > 99.95, "{}: the hull has {exact} % of the grain", file.display());
                 assert!((exact - counted).abs() < 0.3, "{}: {exact} {counted}", file.display());
             }

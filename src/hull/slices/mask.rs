@@ -86,7 +86,7 @@ impl BitMask {
                     inside = now;
                 }
             };
-            if a.round() == b.round() {
+            if a.round() as i64 == b.round() as i64 {
                 visit(from, 0.5 * (a + b));
             } else {
                 let between = 0.5 * (a.round() + b.round());
