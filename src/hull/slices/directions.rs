@@ -52,7 +52,6 @@ pub(super) fn sorted(views: &[Strips]) -> Result<Vec<Direction<'_>>, SliceError>
         return Err(SliceError::Ladders { view, ladder: v.ladder(), first: ladder });
     }
     let mut all: Vec<Direction> = views.iter().map(direction).collect();
-    // The first bounds decide between equal directions only in what is kept of equals.
     all.sort_by(|a, b| a.angle.total_cmp(&b.angle));
     let mut joined: Vec<Direction> = Vec::with_capacity(all.len());
     let mut last_angle = f64::NEG_INFINITY;
