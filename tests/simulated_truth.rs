@@ -151,6 +151,20 @@ fn a_sphere_of_1000_um_at_5_um_a_pixel_has_its_volume_at_25_views() {
 }
 
 #[test]
+fn the_volume_is_that_of_exact_slices_where_rays_are_parallel_and_square_to_the_axis() {
+    for (optics, method) in [("", "exact slices"), ("camera_distance_mm = 60.0\n", "grid")] {
+        let lab = Lab::new();
+        lab.write("rig.toml", format!("{SMALL}{optics}[optics]\n{optics}"));
+        let arguments = ["--config", "rig.toml", "--json", "capture", "grain", "--no-refine"];
+        let result = lab.run(&arguments).succeeds().json();
+        assert_eq!(result["hull"]["method"], method, "{}", result["warnings"]);
+        let ratio = number(&result, "/hull/volume_mm3") / number(&result, "/hull/voxel_volume_mm3");
+        println!("{method}: volume over counted voxels {ratio:.5}");
+        assert!((ratio - 1.0).abs() < 1e-3, "{method}: {ratio}");
+    }
+}
+
+#[test]
 fn a_grain_that_slips_on_its_pedestal_is_told() {
     let lab = Lab::new();
     let slip = "[simulated.faults]\nslip = { at = 13, deg = 20.0 }\n";

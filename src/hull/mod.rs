@@ -2,6 +2,7 @@
 //!
 //! A place belongs to the hull when every view sees it inside the silhouette. The hull is the intersection of
 //! the views' cones (Laurentini 1994), an upper bound of the grain: what no view can see stays filled.
+//! [`HullGrid`] takes views before any camera, one by one; [`slices`] is exact before level parallel rays.
 
 mod bounds;
 mod cone;
@@ -9,6 +10,7 @@ mod grid;
 mod lattice;
 mod measure;
 mod reproject;
+pub mod slices;
 
 pub use bounds::find_bounds;
 pub use cone::Cone;

@@ -24,7 +24,7 @@ pub use pictures::{OUTLINE, SHEET};
 pub use products::{Product, products};
 pub use quality::Gate;
 pub use reconstruct::{Reconstruction, Taken};
-pub use result::{AxisResult, HullResult, MeshResult, ResultFile, Timing, ViewResult};
+pub use result::{AxisResult, HullMethod, HullResult, MeshResult, ResultFile, Timing, ViewResult};
 pub use settings::{
     Cameras, HullSettings, LengthUnit, MeshSettings, ReportSettings, Settings, TurntableSettings,
 };

@@ -2,11 +2,12 @@
 
 use super::cameras::{Measured, cameras_of};
 use super::convergence::convergence;
-use super::result::{AxisResult, HullResult, MeshResult, ResultFile, Timing, ViewResult};
+use super::result::{AxisResult, HullMethod, HullResult, MeshResult, ResultFile, Timing, ViewResult};
 use super::stand::contact_patch;
 use super::{Cameras, LengthUnit, Observer, PipelineError, Product, Settings, TurntableSettings, pictures};
 use crate::calibrate::{Calibration, Turntable};
 use crate::geometry::Angle;
+use crate::hull::slices::{SliceError, SlicedHull};
 use crate::hull::{Cone, HullGrid, VisualHull, find_bounds, silhouette_iou};
 use crate::mesh::{Controls, TetMesh, mesh};
 use crate::report::{Sheet, Shot};
@@ -152,9 +153,18 @@ pub(super) fn reconstruct(
     let measures = grid.measures();
     let tight = measures.bounding_box_mm.ok_or(crate::hull::HullError::Empty { views: cones.len() })?;
     let voxels = grid.count_voxels();
+    let volume = match SlicedHull::of_cones(&cones) {
+        Ok(slices) => (HullMethod::ExactSlices, slices.volume_mm3()),
+        // Before other rays a slice is no line of the picture.
+        Err(SliceError::NotLevel { .. }) => (HullMethod::Grid, measures.volume_mm3),
+        Err(e) => {
+            warnings.push(format!("the hull's volume is the grid's: {e}"));
+            (HullMethod::Grid, measures.volume_mm3)
+        }
+    };
     let triangles = grid.surface_triangles();
     drop(grid);
-    let converging = convergence(&cones, measures.volume_mm3);
+    let converging = convergence(&cones, volume.1);
     let ious: Vec<f64> = {
         use rayon::prelude::*;
         cones.par_iter().map(|c| silhouette_iou(c, &triangles)).collect()
@@ -208,7 +218,7 @@ pub(super) fn reconstruct(
     let report_s = start.elapsed().as_secs_f64();
     let silhouette_s = taken.iter().map(|t| t.seconds).sum::<f64>();
     Ok(Reconstruction {
-        hull: HullResult::new(&measures, &voxels, &ious, patch, converging, metric),
+        hull: HullResult::new(&measures, volume, &voxels, &ious, patch, converging, metric),
         mesh: MeshResult::new(&tetrahedra, &controls, metric),
         views,
         scale_mm_per_px,

@@ -77,6 +77,8 @@ pub struct ViewResult {
 pub struct HullResult {
     /// Volume, mm³; `null` where the cameras have no unit.
     pub volume_mm3: Option<f64>,
+    /// How the volume was got.
+    pub method: HullMethod,
     /// Volume by counting voxels, as the paper does, mm³.
     pub voxel_volume_mm3: Option<f64>,
     /// Edge of a voxel, mm.
@@ -95,6 +97,17 @@ pub struct HullResult {
     pub convergence: Vec<Convergence>,
 }
 
+/// How the hull's volume was got.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub enum HullMethod {
+    /// Slice by slice, without a grid: parallel rays square to the axis.
+    #[serde(rename = "exact slices")]
+    ExactSlices,
+    /// From the surface on the grid: any other cameras.
+    #[serde(rename = "grid")]
+    Grid,
+}
+
 /// Intersection over union, over the views.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Agreement {
@@ -107,6 +120,7 @@ pub struct Agreement {
 impl HullResult {
     pub(super) fn new(
         m: &Measures,
+        (method, volume_mm3): (HullMethod, f64),
         v: &VoxelCount,
         ious: &[f64],
         contact_patch: Option<ContactPatch>,
@@ -115,7 +129,8 @@ impl HullResult {
     ) -> Self {
         let stated = |x: f64| metric.then_some(x);
         Self {
-            volume_mm3: stated(m.volume_mm3),
+            volume_mm3: stated(volume_mm3),
+            method,
             voxel_volume_mm3: stated(v.volume_mm3),
             voxel_mm: stated(v.voxel_mm),
             surface_area_mm2: stated(m.surface_area_mm2),

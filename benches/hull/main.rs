@@ -1,11 +1,14 @@
-//! Silhouettes → visual hull. Run: `cargo bench --bench hull` (about ten seconds).
+//! Silhouettes → visual hull. Run: `cargo bench --bench hull` (about a minute). First the exact slices (`slices.rs`), then
+//! the grid of blocks:
 //!
 //! 25 orthographic views of the built-in grain over half a turn, on grids of 128³, 256³ and 512³ cells about its
 //! box. The yardstick is what one writes first, on one thread: for each voxel's centre, view after view, the
 //! nearest pixel of a mask, until one says outside. A machine of two cores gave 0.26 s (numpy, a view at a time)
 //! and 0.12 s (compiled, two threads) for such masks at 256³, 2.0 s and 0.84 s at 512³.
 
+#[path = "../common/mod.rs"]
 mod common;
+mod slices;
 
 use common::{median_s, tell, views};
 use grainrig::geometry::Point;
@@ -52,6 +55,7 @@ fn plain_loop(masks: &[Mask], low: &Point, pitch: f64, cells: [usize; 3]) -> u64
 }
 
 fn main() {
+    slices::run();
     let (cones, _) = views(VIEWS);
     let bounds = find_bounds(&cones).expect("a hull");
     let finding = median_s(|| find_bounds(&cones));
