@@ -10,11 +10,11 @@ use super::closing::{Closing, closings};
 use super::fit::{Fit, Priors, Sample, Spreads, fit};
 use nalgebra::DMatrix;
 
-/// The evidence that the first change must have, and each further one: what the curvatures' likelihood gains for every
-/// height, weighed against what closing views gain or lose (natural logarithms). Where nothing was wrong, no change of
-/// [`LEAST_RAD`] had any in 48 rigs as they stand in the laboratory; where a degree or a step was, all but one had 3.5
-/// to 90, and what was left when it was mended up to 4.1 (`tests/calibration`).
-const LEAST_EVIDENCE: [f64; 2] = [3.0, 6.0];
+/// The evidence that a change must have: what the curvatures' likelihood gains for every height, weighed against what
+/// closing views gain or lose (natural logarithms). Where nothing was wrong, a change of [`LEAST_RAD`] had none in all
+/// but one of 200 rigs as they stand in the laboratory, which had 6.1; where a degree, a step or a hundredth of each step
+/// was, most of 72 had 7 to 90 and three less than 6 (`tests/calibration`).
+const LEAST_EVIDENCE: f64 = 6.5;
 const GAIN_WEIGHT: f64 = 3.0;
 /// The closing views' standard deviations are too small by this much, and by this many radians.
 const CLOSING_MODEST: f64 = 1.5;
@@ -209,8 +209,7 @@ fn one(views: &[Sample], priors: &Priors, now: &Turning) -> Option<Turning> {
     tried.sort_by(|a, b| b.0.total_cmp(&a.0));
     // Every step a little wrong leaves no mark in one place: it is always among the likeliest.
     let step = tried.iter().find(|t| t.1.change == Change::Step).map(|t| t.1);
-    let least = LEAST_EVIDENCE[usize::from(!now.found.is_empty())];
-    tried.retain(|t| t.1.rad.abs() > LEAST_RAD && t.0 > least);
+    tried.retain(|t| t.1.rad.abs() > LEAST_RAD && t.0 > LEAST_EVIDENCE);
     let best = tried.first()?.0;
     // The equations were written for angles that were wrong: write them again for each of the likeliest.
     let mut places: Vec<Tried> = tried.iter().take(WORKED_OUT).map(|t| t.1).collect();
