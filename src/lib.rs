@@ -13,6 +13,7 @@ pub mod report;
 pub mod rig;
 pub mod server;
 pub mod session;
+pub mod study;
 // Below this line: pure computation. No files, clock, threads of its own, logging or async; rayon only.
 pub mod calibrate;
 pub mod geometry;

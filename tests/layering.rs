@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// The house, from its roof to its foundation. In the pure half a stage of the computation may import the
 /// stages whose values it takes, so the way of the data runs upwards from geometry.
-const ROOMS: [&str; 17] = [
+const ROOMS: [&str; 18] = [
     "main",
     "cli",
     "server",
@@ -13,6 +13,7 @@ const ROOMS: [&str; 17] = [
     "config",
     "acquire",
     "pipeline",
+    "study",
     "session",
     "rig",
     "report",

@@ -68,6 +68,16 @@ them, show the scatter and, with their angles, how far the ball stands before or
 that is part of the stated uncertainty. The file states what the uncertainty is made of, each part as one
 standard deviation over the value.";
 
+pub(super) const STUDY_SENSITIVITY: &str = "\
+Examples:
+  grainrig study sensitivity                                  balls of 0.5 and 1 mm, 5 µm pixels, 2 to 30 views
+  grainrig study sensitivity --stl grain.stl --views 6,25,72  what more views would give a grain like this one
+
+V_R/V_M is the reconstructed over the true volume: of voxels as large as a pixel, counted as Nadimi and Fonseca
+(2017) do; of the exact hull of exact silhouettes, which shows what the views alone do; and of a coarse and a fine
+mesh of the hull. For a ball the exact one is (2N/pi) tan(pi/2N). Written are sensitivity.csv, and as SVG and PNG
+the silhouettes, the shapes from 2, 6 and 30 views and the curves.";
+
 pub(super) const RECONSTRUCT: &str = "\
 Examples:
   grainrig reconstruct quartz-07                          as the session was configured

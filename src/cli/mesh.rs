@@ -33,7 +33,7 @@ pub struct Arguments {
 
 /// Units of length; STL files do not say theirs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Unit {
+pub(super) enum Unit {
     /// Micrometres.
     Um,
     /// Millimetres.
@@ -43,7 +43,7 @@ enum Unit {
 }
 
 impl Unit {
-    fn in_mm(self) -> f64 {
+    pub(super) fn in_mm(self) -> f64 {
         match self {
             Self::Um => 1e-3,
             Self::Mm => 1.0,

@@ -12,6 +12,7 @@ mod progress;
 mod reconstruct;
 mod serve;
 mod signals;
+mod study;
 mod verify;
 
 use crate::acquire::QualityMode;
@@ -108,6 +109,8 @@ enum Command {
     Verify(verify::Arguments),
     /// Measure what the rig's geometry hangs on.
     Calibrate(calibrate::Arguments),
+    /// Study the method on bodies of known volume.
+    Study(study::Arguments),
     /// Show which devices are there.
     Devices,
 }
@@ -153,6 +156,7 @@ pub fn run() -> ExitCode {
             | Command::Capture(_)
             | Command::Import(_)
             | Command::Calibrate(_)
+            | Command::Study(_)
             | Command::Devices
     ) {
         common.without_config();
@@ -167,6 +171,7 @@ pub fn run() -> ExitCode {
         Command::Mesh(a) => mesh::run(common, &a),
         Command::Verify(a) => verify::run(common, &a),
         Command::Calibrate(a) => calibrate::run(common, a),
+        Command::Study(a) => study::run(common, &a),
         Command::Devices => devices::run(common),
     };
     match outcome {

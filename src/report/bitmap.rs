@@ -112,6 +112,27 @@ impl Canvas for Bitmap {
         self.segments(&segments, width, ink);
     }
 
+    fn polygon(&mut self, corners: &[[f64; 2]], ink: Ink) {
+        let rows = corners.iter().map(|c| c[1]);
+        let first = rows.clone().fold(f64::INFINITY, f64::min).ceil().max(0.0) as usize;
+        let last = rows.fold(f64::NEG_INFINITY, f64::max).floor().min(self.height as f64 - 1.0);
+        for row in (first..self.height).take_while(|r| *r as f64 <= last) {
+            let y = row as f64;
+            let ends = corners.iter().zip(corners.iter().cycle().skip(1));
+            let mut cuts: Vec<f64> = ends
+                .filter(|(a, b)| (a[1] <= y) != (b[1] <= y))
+                .map(|(a, b)| a[0] + (b[0] - a[0]) * (y - a[1]) / (b[1] - a[1]))
+                .collect();
+            cuts.sort_by(f64::total_cmp);
+            for cut in cuts.chunks_exact(2) {
+                let from = cut[0].ceil().max(0.0) as usize;
+                for column in (from..self.width).take_while(|x| *x as f64 <= cut[1]) {
+                    self.mix(column, row, 1.0, ink);
+                }
+            }
+        }
+    }
+
     fn disc(&mut self, center: [f64; 2], radius: f64, ink: Ink) {
         self.segments(&[[center, center]], 2.0 * radius, ink);
     }

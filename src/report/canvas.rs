@@ -34,6 +34,8 @@ pub(super) trait Canvas {
     fn rectangle(&mut self, place: [f64; 4], ink: Ink);
     /// Draws a line of this width through these places.
     fn line(&mut self, places: &[[f64; 2]], width: f64, ink: Ink);
+    /// Fills a polygon.
+    fn polygon(&mut self, corners: &[[f64; 2]], ink: Ink);
     /// Fills a circle.
     fn disc(&mut self, center: [f64; 2], radius: f64, ink: Ink);
     /// Writes a line of text whose middle height is at the given row.

@@ -8,6 +8,8 @@ mod canvas;
 mod outline;
 mod sheet;
 mod svg;
+mod tiles;
 
 pub use outline::{Marks, Shot};
 pub use sheet::{Mark, Panel, Point, Series, Sheet};
+pub use tiles::{Tile, Tiles};

@@ -52,6 +52,15 @@ impl Canvas for Svg {
         ));
     }
 
+    fn polygon(&mut self, corners: &[[f64; 2]], ink: Ink) {
+        let points: Vec<String> = corners.iter().map(|[x, y]| format!("{x:.2},{y:.2}")).collect();
+        let (points, ink) = (points.join(" "), colour(ink));
+        // Drawn round in its own colour: else the paper shows between neighbours.
+        self.push(format_args!(
+            "<polygon points=\"{points}\" fill=\"{ink}\" stroke=\"{ink}\" stroke-width=\"0.4\"/>"
+        ));
+    }
+
     fn disc(&mut self, [x, y]: [f64; 2], radius: f64, ink: Ink) {
         let ink = colour(ink);
         self.push(format_args!("<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{radius:.2}\" fill=\"{ink}\"/>"));

@@ -19,6 +19,7 @@ mod field;
 mod find;
 mod frame;
 mod holes;
+mod ideal;
 mod mask;
 mod neighbours;
 mod otsu;

@@ -1,0 +1,177 @@
+//! The study as a table and as figures like the paper's 5 (silhouettes), 6 (shapes) and 7 (curves).
+
+use super::views::Frame;
+use super::{Row, Study, StudyError};
+use crate::geometry::{Point, Vector};
+use crate::mesh::{Controls, mesh};
+use crate::report::{Panel, Point as Dot, Series, Sheet, Tile, Tiles};
+use std::fmt::Write as _;
+
+/// From where the shapes are seen: turned about z, then looked down upon, radians; and where the light stands.
+const TURNED: f64 = 0.5;
+const DOWN: f64 = 0.45;
+const LIGHT: [f64; 3] = [-0.5, 0.45, 0.74];
+/// Greys of a shape in the dark and in full light.
+const GREYS: [f64; 2] = [60.0, 235.0];
+/// Facets of a shape that is drawn, times the usual ones' size.
+const DRAWN: f64 = 1.5;
+
+/// The rows as CSV (RFC 4180), with a line of names.
+pub fn table(rows: &[Row]) -> String {
+    let mut out = String::from("body,views,angle_deg,voxel,exact,coarse_mesh,fine_mesh,analytic\n");
+    for r in rows {
+        let v = &r.vr_over_vm;
+        let analytic = r.analytic.map_or_else(String::new, |a| format!("{a:.6}"));
+        // Writing to a string cannot fail.
+        let _ = writeln!(
+            out,
+            "\"{}\",{},{:.4},{:.6},{:.6},{:.6},{:.6},{analytic}",
+            r.body.replace('"', "\"\""),
+            r.views,
+            r.angle_deg,
+            v.voxel,
+            v.exact,
+            v.coarse_mesh,
+            v.fine_mesh
+        );
+    }
+    out
+}
+
+/// V_R/V_M against the number of views, one diagram for each body, and the excess by itself.
+pub fn curves(rows: &[Row]) -> Sheet {
+    let mut bodies: Vec<&str> = Vec::new();
+    for r in rows {
+        if !bodies.contains(&r.body.as_str()) {
+            bodies.push(&r.body);
+        }
+    }
+    let ways: [(&str, fn(&Row) -> Option<f64>); 5] = [
+        ("voxels", |r| Some(r.vr_over_vm.voxel)),
+        ("exact", |r| Some(r.vr_over_vm.exact)),
+        ("coarse mesh", |r| Some(r.vr_over_vm.coarse_mesh)),
+        ("fine mesh", |r| Some(r.vr_over_vm.fine_mesh)),
+        ("analytic", |r| r.analytic),
+    ];
+    let panel = |body: &str, least: usize, title: String| Panel {
+        title,
+        abscissa: "views".into(),
+        series: (ways.iter())
+            .map(|(name, value)| Series {
+                name: (*name).into(),
+                points: (rows.iter().filter(|r| r.body == body && r.views >= least))
+                    .filter_map(|r| Some(Dot { x: r.views as f64, y: value(r)?, sigma: None }))
+                    .collect(),
+                joined: true,
+            })
+            .filter(|s| !s.points.is_empty())
+            .collect(),
+        marks: Vec::new(),
+    };
+    let panels = bodies.iter().flat_map(|body| {
+        [
+            panel(body, 0, format!("{body}: V_R/V_M")),
+            panel(body, 10, format!("{body}: V_R/V_M from 10 views on")),
+        ]
+    });
+    Sheet {
+        title: "Reconstructed over true volume against the number of views over half a turn".into(),
+        panels: panels.collect(),
+        figures: Vec::new(),
+        warnings: Vec::new(),
+    }
+}
+
+/// The silhouettes of a body at a few angles, pixel by pixel.
+pub fn silhouettes(study: &Study) -> Tiles {
+    let frame = Frame::around(&study.body, study.pixel_mm);
+    let middle = frame.axis();
+    let ladder = frame.ladder();
+    let tile = |degrees: f64| Tile {
+        caption: format!("{degrees:.0}°"),
+        polygons: (frame.pixels(&study.body, degrees.to_radians()).iter().enumerate())
+            .flat_map(|(k, runs)| {
+                let row = ladder.height(k) / study.pixel_mm;
+                runs.iter().map(move |[a, b]| {
+                    let (a, b) = (*a as f64 - 0.5 - middle, *b as f64 + 0.5 - middle);
+                    (vec![[a, row - 0.5], [b, row - 0.5], [b, row + 0.5], [a, row + 0.5]], 0)
+                })
+            })
+            .collect(),
+    };
+    Tiles {
+        title: format!("{}: silhouettes, pixels of {:.1} µm", study.name, 1e3 * study.pixel_mm),
+        tiles: [0.0, 36.0, 72.0, 108.0, 144.0].map(tile).into(),
+    }
+}
+
+/// What is reconstructed from a few, some and many views.
+///
+/// # Errors
+/// [`StudyError::Mesh`].
+pub fn shapes(study: &Study, views: &[usize]) -> Result<Tiles, StudyError> {
+    let usual = Controls::for_size(study.body.diameter_mm());
+    let controls = Controls {
+        surface_size_mm: DRAWN * usual.surface_size_mm,
+        tet_volume_mm3: DRAWN.powi(3) * usual.tet_volume_mm3,
+        ..usual
+    };
+    let tile = |n: &usize| -> Result<Tile, StudyError> {
+        let made = mesh(&study.hull(*n)?, &controls, &mut |_| {})
+            .map_err(|error| StudyError::Mesh { views: *n, error })?;
+        let surface = made.surface().triangles;
+        let triangles: Vec<[Point; 3]> = (0..surface.triangles.len()).map(|t| surface.corners(t)).collect();
+        Ok(Tile { caption: format!("{n} views"), polygons: shaded(&triangles) })
+    };
+    Ok(Tiles {
+        title: format!("{}: shapes from views over half a turn", study.name),
+        tiles: views.iter().map(tile).collect::<Result<_, _>>()?,
+    })
+}
+
+/// Triangles turned towards the reader, the farthest first.
+fn shaded(triangles: &[[Point; 3]]) -> Vec<(Vec<[f64; 2]>, u8)> {
+    let (st, ct) = TURNED.sin_cos();
+    let (sd, cd) = DOWN.sin_cos();
+    // To the right, upwards and towards the reader.
+    let seen = |p: &Point| {
+        let (x, y) = (p.x * ct - p.y * st, p.x * st + p.y * ct);
+        Vector::new(x, p.z * cd + y * sd, p.z * sd - y * cd)
+    };
+    let light = Vector::from(LIGHT).normalize();
+    let mut facing: Vec<(f64, [Vector; 3], f64)> = (triangles.iter())
+        .filter_map(|t| {
+            let c = [seen(&t[0]), seen(&t[1]), seen(&t[2])];
+            let normal = (c[1] - c[0]).cross(&(c[2] - c[0])).try_normalize(0.0)?;
+            (normal.z > 0.0).then(|| ((c[0] + c[1] + c[2]).z, c, normal.dot(&light).max(0.0)))
+        })
+        .collect();
+    facing.sort_by(|a, b| a.0.total_cmp(&b.0));
+    (facing.into_iter())
+        .map(|(_, corners, lit)| {
+            let grey = GREYS[0] + (GREYS[1] - GREYS[0]) * lit;
+            (corners.map(|c| [c.x, c.y]).into(), grey.round() as u8)
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::{Body, sensitivity};
+
+    #[test]
+    fn a_table_has_a_line_for_each_row_and_the_figures_are_the_same_each_time() {
+        let study = Study { name: "a \"ball\"".into(), body: Body::Ball(0.5), pixel_mm: 0.02 };
+        let rows = sensitivity(&study, &[2, 6], &mut |_| {}).unwrap();
+        let csv = table(&rows);
+        assert_eq!(csv.lines().count(), 3);
+        assert!(csv.lines().nth(2).unwrap().starts_with("\"a \"\"ball\"\"\",6,30.0000,"), "{csv}");
+        let drawn = shapes(&study, &[2, 6]).unwrap();
+        assert_eq!(drawn.png().unwrap(), shapes(&study, &[2, 6]).unwrap().png().unwrap());
+        assert!(drawn.tiles.iter().all(|t| t.polygons.len() > 100));
+        let text = String::from_utf8(silhouettes(&study).svg()).unwrap();
+        assert!(text.matches("<polygon").count() > 5 * 20);
+        assert_eq!(curves(&rows).panels.len(), 2);
+    }
+}
