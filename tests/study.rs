@@ -6,6 +6,7 @@ mod kit;
 use kit::{Lab, read};
 use serde_json::Value;
 use std::f64::consts::PI;
+use std::fmt::Write as _;
 
 fn ratios(row: &Value) -> [f64; 4] {
     ["voxel", "exact", "coarse_mesh", "fine_mesh"].map(|k| row["vr_over_vm"][k].as_f64().unwrap())
@@ -33,9 +34,10 @@ fn balls_follow_the_closed_form_and_the_files_are_there() {
     let files = told["files"].as_array().unwrap();
     assert_eq!(files.len(), 2 * 2 * 2 + 2 + 1);
     for file in files {
-        let bytes = read(std::path::Path::new(file.as_str().unwrap()));
+        let path = std::path::Path::new(file.as_str().unwrap());
+        let bytes = read(path);
         assert!(bytes.len() > 200, "{file}");
-        if file.as_str().unwrap().ends_with(".png") {
+        if path.extension().is_some_and(|e| e == "png") {
             assert!(image::load_from_memory(&bytes).unwrap().width() >= 800);
         }
     }
@@ -55,7 +57,7 @@ fn a_surface_is_studied_about_its_own_axis() {
     for f in faces {
         for t in [[f[0], f[1], f[2]], [f[0], f[2], f[3]]] {
             let corners = t.map(|i| format!("vertex {}\n", at(i))).concat();
-            text += &format!("facet normal 0 0 0\nouter loop\n{corners}endloop\nendfacet\n");
+            writeln!(text, "facet normal 0 0 0\nouter loop\n{corners}endloop\nendfacet").unwrap();
         }
     }
     let path = lab.write("box.stl", text + "endsolid box\n");

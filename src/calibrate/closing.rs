@@ -44,8 +44,6 @@ pub(super) struct Closing {
     pub rad: f64,
     /// Its standard deviation, radians.
     pub sigma_rad: f64,
-    /// Reciprocal distance of the camera and its standard deviation, 1/pixels; absent where one side is seen twice.
-    pub reciprocal: Option<[f64; 2]>,
 }
 
 /// A reach's place among all directions.
@@ -137,20 +135,21 @@ fn closing(views: [usize; 2], met: &[Met], angles: &[f64], profiles: &Profiles) 
         let [a, b] = pair.own.map(|s| reach(&s));
         let [before, after] = pair.beside.map(|s| reach(&s));
         let mean: Vec<f64> = a.iter().zip(b).map(|(a, b)| 0.5 * (a + b)).collect();
-        let slope = smooth((0..m).map(|k| (after[k] - before[k]) / (back + ahead)).collect());
+        let slope = smooth(&(0..m).map(|k| (after[k] - before[k]) / (back + ahead)).collect::<Vec<_>>());
         let (sb, sa, sab) = (back.sin(), ahead.sin(), (back + ahead).sin());
         // The mean radius of curvature between three directions (see [`super::turning`]), times the way.
         let weight =
             4.0 * (0.5 * ahead).sin() * (0.5 * back).sin() * (0.5 * (ahead + back)).sin() / (ahead + back);
-        let bend =
-            smooth((0..m).map(|k| (before[k] * sa + after[k] * sb - mean[k] * sab) / weight).collect());
+        let bend = smooth(
+            &(0..m).map(|k| (before[k] * sa + after[k] * sb - mean[k] * sab) / weight).collect::<Vec<_>>(),
+        );
         let up = smooth(
-            (0..m)
+            &(0..m)
                 .map(|k| {
                     let (low, high) = (k.saturating_sub(1), (k + 1).min(m - 1));
                     (mean[high] - mean[low]) / ((high - low) as f64 * pitch)
                 })
-                .collect(),
+                .collect::<Vec<_>>(),
         );
         let side = if pair.own[1].right { 1.0 } else { -1.0 };
         for k in 0..m {
@@ -170,12 +169,12 @@ fn closing(views: [usize; 2], met: &[Met], angles: &[f64], profiles: &Profiles) 
             });
         }
     }
-    let [[rad, sigma_rad], reciprocal] = regress(&rows, m, profiles.height_px)?;
-    Some(Closing { views, rad, sigma_rad, reciprocal: (mirrored > 0.0).then_some(reciprocal) })
+    let [rad, sigma_rad] = regress(&rows, m, profiles.height_px)?;
+    Some(Closing { views, rad, sigma_rad })
 }
 
 /// Means over three neighbours.
-fn smooth(values: Vec<f64>) -> Vec<f64> {
+fn smooth(values: &[f64]) -> Vec<f64> {
     (0..values.len())
         .map(|k| {
             let near = &values[k.saturating_sub(1)..(k + 2).min(values.len())];
@@ -184,8 +183,8 @@ fn smooth(values: Vec<f64>) -> Vec<f64> {
         .collect()
 }
 
-/// δ and the reciprocal distance with their standard deviations; rows come in groups of `m` heights.
-fn regress(rows: &[Row], m: usize, height_px: f64) -> Option<[[f64; 2]; 2]> {
+/// δ and its standard deviation; rows come in groups of `m` heights.
+fn regress(rows: &[Row], m: usize, height_px: f64) -> Option<[f64; 2]> {
     let prior = [0.0, (2.0 * height_px).powi(2), RISE_RAD.powi(-2), SHIFT_PX.powi(-2), ROLL_RAD.powi(-2)];
     let mut noise = 3.0 * LEAST_NOISE_PX;
     let mut found: Vector5<f64> = Vector5::zeros();
@@ -226,9 +225,9 @@ fn regress(rows: &[Row], m: usize, height_px: f64) -> Option<[[f64; 2]; 2]> {
         let sum: Vector5<f64> = block.iter().sum();
         spread += sum * sum.transpose();
     }
-    let blocks = inverse * spread * inverse * (BLOCKS as f64 / (BLOCKS as f64 - 1.5));
-    let told = [0, 1].map(|k| [found[k], blocks[(k, k)].max(inverse[(k, k)] * ALIKE * m as f64).sqrt()]);
-    told.iter().flatten().all(|x| x.is_finite()).then_some(told)
+    let blocks = (inverse * spread * inverse)[(0, 0)] * BLOCKS as f64 / (BLOCKS as f64 - 1.5);
+    let sigma = blocks.max(inverse[(0, 0)] * ALIKE * m as f64).sqrt();
+    (found[0].is_finite() && sigma.is_finite()).then_some([found[0], sigma])
 }
 
 #[cfg(test)]
@@ -273,8 +272,6 @@ mod tests {
             let error = c.rad.to_degrees() - ahead;
             assert!(error.abs() < 0.05 + 0.1 * ahead.abs(), "{ahead}: {:.3}°", c.rad.to_degrees());
             assert!(c.sigma_rad.to_degrees() < 0.3);
-            let [near, sigma] = c.reciprocal.unwrap();
-            assert!(near.abs() < 3.0 * sigma.max(1e-5), "parallel rays: {near} ± {sigma}");
         }
     }
 

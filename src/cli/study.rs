@@ -9,6 +9,7 @@ use crate::session::write_whole;
 use crate::study::{Body, Row, Study, StudyError, curves, sensitivity, shapes, silhouettes, table};
 use anyhow::{Context as _, Result};
 use clap::{Args, Subcommand};
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 /// Options of `study`.
@@ -94,10 +95,12 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         "{:<16} {:>5} {:>8}  {:>8} {:>8} {:>11} {:>9} {:>9}\n",
         "body", "views", "angle", "voxels", "exact", "coarse mesh", "fine mesh", "analytic"
     );
+    // Writing to a string cannot fail.
     for r in &rows {
         let v = &r.vr_over_vm;
-        text += &format!(
-            "{:<16} {:>5} {:>7.2}°  {:>8.4} {:>8.4} {:>11.4} {:>9.4} {:>9}\n",
+        let _ = writeln!(
+            text,
+            "{:<16} {:>5} {:>7.2}°  {:>8.4} {:>8.4} {:>11.4} {:>9.4} {:>9}",
             r.body,
             r.views,
             r.angle_deg,
@@ -109,7 +112,7 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         );
     }
     for file in files {
-        text += &format!("{file}\n");
+        let _ = writeln!(text, "{file}");
     }
     print(&text)
 }

@@ -16,6 +16,9 @@ const GREYS: [f64; 2] = [60.0, 235.0];
 /// Facets of a shape that is drawn, times the usual ones' size.
 const DRAWN: f64 = 1.5;
 
+/// One of the ways to a volume; not all bodies have all.
+type Way = fn(&Row) -> Option<f64>;
+
 /// The rows as CSV (RFC 4180), with a line of names.
 pub fn table(rows: &[Row]) -> String {
     let mut out = String::from("body,views,angle_deg,voxel,exact,coarse_mesh,fine_mesh,analytic\n");
@@ -38,7 +41,7 @@ pub fn table(rows: &[Row]) -> String {
     out
 }
 
-/// V_R/V_M against the number of views, one diagram for each body, and the excess by itself.
+/// `V_R/V_M` against the number of views, one diagram for each body, and the excess by itself.
 pub fn curves(rows: &[Row]) -> Sheet {
     let mut bodies: Vec<&str> = Vec::new();
     for r in rows {
@@ -46,7 +49,7 @@ pub fn curves(rows: &[Row]) -> Sheet {
             bodies.push(&r.body);
         }
     }
-    let ways: [(&str, fn(&Row) -> Option<f64>); 5] = [
+    let ways: [(&str, Way); 5] = [
         ("voxels", |r| Some(r.vr_over_vm.voxel)),
         ("exact", |r| Some(r.vr_over_vm.exact)),
         ("coarse mesh", |r| Some(r.vr_over_vm.coarse_mesh)),
@@ -117,7 +120,7 @@ pub fn shapes(study: &Study, views: &[usize]) -> Result<Tiles, StudyError> {
         ..usual
     };
     let tile = |n: &usize| -> Result<Tile, StudyError> {
-        let made = mesh(&study.hull(*n)?, &controls, &mut |_| {})
+        let made = mesh(&study.hull(*n), &controls, &mut |_| {})
             .map_err(|error| StudyError::Mesh { views: *n, error })?;
         let surface = made.surface().triangles;
         let triangles: Vec<[Point; 3]> = (0..surface.triangles.len()).map(|t| surface.corners(t)).collect();

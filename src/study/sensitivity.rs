@@ -75,7 +75,7 @@ pub struct Row {
     pub views: usize,
     /// Angle between neighbouring views, degrees.
     pub angle_deg: f64,
-    /// V_R/V_M.
+    /// `V_R/V_M`.
     pub vr_over_vm: Ratios,
     /// (2N/π) tan(π/2N), for a ball.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -127,7 +127,7 @@ fn angles(views: usize) -> Vec<f64> {
 impl Study {
     fn row(&self, views: usize) -> Result<Row, StudyError> {
         let truth = self.body.volume_mm3();
-        let hull = self.hull(views)?;
+        let hull = self.hull(views);
         let fine = Controls::for_size(self.body.diameter_mm());
         let coarse = Controls {
             surface_size_mm: COARSE * fine.surface_size_mm,
@@ -184,7 +184,7 @@ impl Study {
     }
 
     /// The hull of outlines between the pixels, as captures have it.
-    pub(super) fn hull(&self, views: usize) -> Result<VisualHull, StudyError> {
+    pub(super) fn hull(&self, views: usize) -> VisualHull {
         let frame = Frame::around(&self.body, self.pixel_mm);
         let cones: Vec<Cone> =
             angles(views).into_par_iter().filter_map(|angle| frame.cone(&self.body, angle)).collect();
@@ -194,6 +194,6 @@ impl Study {
             min: Point::new(-half, -half, b.min.z - 2.0 * self.pixel_mm),
             max: Point::new(half, half, b.max.z + 2.0 * self.pixel_mm),
         };
-        Ok(VisualHull { cones, bounds })
+        VisualHull { cones, bounds }
     }
 }
