@@ -18,4 +18,5 @@ pub mod calibrate;
 pub mod geometry;
 pub mod hull;
 pub mod mesh;
+pub mod register;
 pub mod silhouette;
