@@ -6,6 +6,7 @@ mod devices;
 mod help;
 mod import;
 mod local_rig;
+mod merge;
 mod mesh;
 mod output;
 mod progress;
@@ -103,6 +104,9 @@ enum Command {
     /// Fill a closed surface (STL) or a session's hull with tetrahedra.
     #[command(after_help = help::MESH)]
     Mesh(mesh::Arguments),
+    /// Put two captures of one grain, another side down in the second, together to one closer hull and mesh.
+    #[command(after_help = help::MERGE)]
+    Merge(merge::Arguments),
     /// Check every file of a session against the hashes in its journal.
     #[command(after_help = help::VERIFY)]
     Verify(verify::Arguments),
@@ -165,6 +169,7 @@ pub fn run() -> ExitCode {
         Command::Import(a) => import::run(common, a),
         Command::Reconstruct(a) => reconstruct::run(common, &a),
         Command::Mesh(a) => mesh::run(common, &a),
+        Command::Merge(a) => merge::run(common, &a),
         Command::Verify(a) => verify::run(common, &a),
         Command::Calibrate(a) => calibrate::run(common, a),
         Command::Devices => devices::run(common),
@@ -207,6 +212,8 @@ fn is_usage(error: &anyhow::Error) -> bool {
                     | DaemonError::Calibration { .. }
                     | DaemonError::Angles { .. }
                     | DaemonError::OtherSize { .. }
+                    | DaemonError::NotFree { .. }
+                    | DaemonError::OneSession { .. }
                     | DaemonError::Pipeline(PipelineError::Setting { .. }),
                 ) => true,
                 Some(DaemonError::Scale(e)) => {
