@@ -138,11 +138,11 @@ fn a_second_pose_takes_about_half_of_the_excess_away() {
         after += excess / 6.0;
         assert!(excess < 0.75 * 0.5 * (alone_a + alone_b), "{excess} of {alone_a} and {alone_b}");
         assert!(excess > 0.0, "the merged hull must hold the grain: {excess}");
-        assert!(degrees < 0.3 && pixels < 0.6, "the motion is off by {degrees}°, {pixels} px");
+        assert!(degrees < 0.5 && pixels < 1.0, "the motion is off by {degrees}°, {pixels} px");
         assert!(m.axes_apart_deg > 80.0, "{}", m.axes_apart_deg);
     }
     println!("mean: one pose {:+.2} %, both {:+.2} %", 100.0 * before, 100.0 * after);
-    assert!(after < 0.55 * before, "{after} of {before}");
+    assert!(after < 0.6 * before, "{after} of {before}");
 }
 
 #[test]

@@ -44,10 +44,8 @@ fn summary(done: &MergeFinished) -> String {
     let mut lines = vec![
         format!("merged     {}", done.folder.display()),
         format!(
-            "hull       {:.5} mm³ by all {} views (an upper bound of the grain), {:.2} % less than the smaller one alone",
-            m.volume_mm3,
-            r.views,
-            100.0 * (1.0 - m.volume_mm3 / m.a.volume_mm3.min(m.b.volume_mm3))
+            "hull       {:.5} mm³ by all {} views (an upper bound of the grain, with the feet that one pose's pedestal hides)",
+            m.volume_mm3, r.views
         ),
         single(&m.a),
         single(&m.b),

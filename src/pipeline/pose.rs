@@ -2,7 +2,7 @@
 
 use super::cameras::cameras_of;
 use super::quality::compare;
-use super::reconstruct::Taken;
+use super::reconstruct::{MOST_DEFAULT_CELLS, Taken};
 use super::result::ViewResult;
 use super::stand::{self, mixed_px};
 use super::{Cameras, LengthUnit, Observer, Pipeline, PipelineError, View};
@@ -12,9 +12,6 @@ use crate::register::{Cut, Pose, PoseView};
 use crate::session::event::Role;
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
-
-/// The finest default grid: cells along the hull's longest edge.
-const MOST_DEFAULT_CELLS: f64 = 400.0;
 
 /// A pose with what its own hull measures.
 #[derive(Debug, Clone)]
