@@ -3,7 +3,7 @@
 //! Each pose's hull is an upper bound of the grain, too fat in other places than the other's: their surfaces need not
 //! agree. What must agree is that both together still fill every silhouette. So the turns of all space are tried
 //! coarsely by the surfaces, the best followed by them, and the best of these by the outlines alone: the ray through
-//! an outline touches the grain, so some place on it belongs to both hulls ([`rims`]). The result is refused where the
+//! an outline touches the grain, so some place on it belongs to both hulls (`rims.rs`). The result is refused where the
 //! silhouettes are not filled, and where another turn fills them about as well.
 
 mod error;
