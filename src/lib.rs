@@ -19,4 +19,5 @@ pub mod calibrate;
 pub mod geometry;
 pub mod hull;
 pub mod mesh;
+pub mod register;
 pub mod silhouette;

@@ -19,13 +19,14 @@ const ROOMS: [&str; 18] = [
     "report",
     "export",
     "mesh",
+    "register",
     "hull",
     "calibrate",
     "silhouette",
     "geometry",
     "lib",
 ];
-const PURE: [&str; 5] = ["mesh", "hull", "calibrate", "silhouette", "geometry"];
+const PURE: [&str; 6] = ["mesh", "register", "hull", "calibrate", "silhouette", "geometry"];
 /// What has no place in a pure room: files, clocks, threads of its own, logging, async.
 const IMPURE: [&str; 8] =
     ["std::fs", "std::net", "std::thread", "std::time", "tracing::", "tokio::", "println!", "std::env"];

@@ -94,6 +94,19 @@ Examples:
 
 A surface must be closed and is taken as mm. By default the mesh has about 50 000 tetrahedra.";
 
+pub(super) const MERGE: &str = "\
+Examples:
+  grainrig capture quartz-07-a                    then lay the grain on another side, best one that was at a side
+  grainrig capture quartz-07-b
+  grainrig merge quartz-07-a quartz-07-b --out quartz-07
+  grainrig merge quartz-07-a quartz-07-b --out fine --surface-size-mm 0.02 --json
+
+How the grain was turned need not be known: it is found from the silhouettes, which both hulls together must
+fill. DIR gets grain.inp, grain.vtu, grain.stl and result.json; its \"merge\" has the motion, how well the
+silhouettes are filled, and the volumes of both hulls and of the merged one. The sessions are only read.
+Exit code 1, and nothing written, where the poses do not fit (another grain, a wrong scale or sense of rotation)
+or fit in several ways (a ball, a symmetric grain).";
+
 pub(super) const VERIFY: &str = "\
 Examples:
   grainrig verify quartz-07

@@ -6,6 +6,7 @@ mod devices;
 mod help;
 mod import;
 mod local_rig;
+mod merge;
 mod mesh;
 mod output;
 mod progress;
@@ -104,6 +105,9 @@ enum Command {
     /// Fill a closed surface (STL) or a session's hull with tetrahedra.
     #[command(after_help = help::MESH)]
     Mesh(mesh::Arguments),
+    /// Put two captures of one grain, another side down in the second, together to one closer hull and mesh.
+    #[command(after_help = help::MERGE)]
+    Merge(merge::Arguments),
     /// Check every file of a session against the hashes in its journal.
     #[command(after_help = help::VERIFY)]
     Verify(verify::Arguments),
@@ -169,6 +173,7 @@ pub fn run() -> ExitCode {
         Command::Import(a) => import::run(common, a),
         Command::Reconstruct(a) => reconstruct::run(common, &a),
         Command::Mesh(a) => mesh::run(common, &a),
+        Command::Merge(a) => merge::run(common, &a),
         Command::Verify(a) => verify::run(common, &a),
         Command::Calibrate(a) => calibrate::run(common, a),
         Command::Study(a) => study::run(common, &a),
@@ -212,6 +217,8 @@ fn is_usage(error: &anyhow::Error) -> bool {
                     | DaemonError::Calibration { .. }
                     | DaemonError::Angles { .. }
                     | DaemonError::OtherSize { .. }
+                    | DaemonError::NotFree { .. }
+                    | DaemonError::OneSession { .. }
                     | DaemonError::Pipeline(PipelineError::Setting { .. }),
                 ) => true,
                 Some(DaemonError::Scale(e)) => {

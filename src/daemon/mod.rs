@@ -5,6 +5,7 @@ mod finish;
 mod host;
 mod importing;
 mod live;
+mod merging;
 mod preview;
 mod recorded;
 mod scale_file;
@@ -15,6 +16,7 @@ pub use finish::{Finished, RESULT};
 pub use host::{Host, HostError};
 pub use importing::{ImportGeometry, import};
 pub use live::{Resumed, capture, resume};
+pub use merging::{MergeFinished, merge};
 pub use preview::{Preview, PreviewPart, Previews};
 pub use recorded::{Replayed, reconstruct, replay};
 pub use scale_file::{BodyKind, GivenScale, PictureScale, ScaleFile};
@@ -70,6 +72,18 @@ pub enum DaemonError {
         path: PathBuf,
         /// The system's reason.
         source: std::io::Error,
+    },
+    /// A folder that is not free.
+    #[error("{} is not an empty folder; give --out the name of a folder that does not exist yet", path.display())]
+    NotFree {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// One session, twice.
+    #[error("both sessions are {}; give two captures of the grain, with another side down in the second", folder.display())]
+    OneSession {
+        /// Its folder.
+        folder: PathBuf,
     },
     /// The simulated rig's truth could not be written.
     #[error("cannot write the rig's truth to {}: {reason}; give a folder that can be written", path.display())]

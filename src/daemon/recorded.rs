@@ -219,7 +219,7 @@ pub fn replay(folder: &Path, watcher: &Watcher) -> Result<Replayed, DaemonError>
     }
     let session = &recording.manifest().name;
     let (send, receive) = sync_channel(WAITING_VIEWS);
-    let numbered = Numbered { next: Mutex::new(1), watcher };
+    let numbered = Numbered::new(watcher);
     let made = std::thread::scope(|scope| {
         let computing = scope.spawn(|| pipeline.run(receive, &|what| numbered.tell(what)));
         let (mut stage, mut camera) = play(recording.clone());
@@ -254,14 +254,18 @@ pub fn replay(folder: &Path, watcher: &Watcher) -> Result<Replayed, DaemonError>
     Ok(Replayed { finished, differs })
 }
 
-/// Numbers a replay's own events: the journal's are the recording's.
-struct Numbered<'a> {
+/// Numbers the events of a job that journals none: of a replay (the journal's are the recording's), of a merging.
+pub(super) struct Numbered<'a> {
     next: Mutex<u64>,
     watcher: &'a Watcher,
 }
 
-impl Numbered<'_> {
-    fn tell(&self, what: Happening) {
+impl<'a> Numbered<'a> {
+    pub fn new(watcher: &'a Watcher) -> Self {
+        Self { next: Mutex::new(1), watcher }
+    }
+
+    pub fn tell(&self, what: Happening) {
         // Locked over the call, so that the events come in order.
         let mut next = self.next.lock().unwrap_or_else(PoisonError::into_inner);
         (self.watcher)(&Event { seq: *next, time: jiff::Timestamp::now(), what });

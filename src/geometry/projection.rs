@@ -1,6 +1,6 @@
 //! Cameras as 3×4 matrices: from the world (mm) to the picture (pixels).
 
-use super::Point;
+use super::{Point, Vector};
 use nalgebra::{Matrix3x4, Vector4};
 use serde::{Deserialize, Serialize};
 
@@ -44,6 +44,24 @@ impl Projection {
         Some((half + (0.25 * (aa - bb).powi(2) + ab * ab).sqrt()).sqrt())
     }
 
+    /// The ray of a place in the picture: a place on it, and its unit direction (either way along it). `None` where
+    /// the matrix sees no such ray.
+    pub fn line_of_sight(&self, [column, row]: [f64; 2]) -> Option<(Point, Vector)> {
+        let m = &self.matrix;
+        let plane = |i: usize, c: f64| {
+            let r = m.row(i) - m.row(2) * c;
+            (Vector::new(r[0], r[1], r[2]), r[3])
+        };
+        let ((n1, c1), (n2, c2)) = (plane(0, column), plane(1, row));
+        let along = n1.cross(&n2);
+        let length2 = along.norm_squared();
+        if length2 == 0.0 || !length2.is_finite() {
+            return None;
+        }
+        let p = (n2.cross(&along) * -c1 + along.cross(&n1) * -c2) / length2;
+        Some((Point::from(p), along / length2.sqrt()))
+    }
+
     /// Whether the view is orthographic (parallel rays).
     pub fn is_orthographic(&self) -> bool {
         self.matrix.fixed_view::<1, 3>(2, 0).iter().all(|x| *x == 0.0)
@@ -53,6 +71,19 @@ impl Projection {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_line_of_sight_projects_to_its_place() {
+        let parallel = Matrix3x4::new(200., 3., 4., 100., -5., 2., -210., 140., 0., 0., 0., 1.);
+        let pinhole = Matrix3x4::new(900., 3., 40., 320., -5., 950., 10., 240., 0.1, 0.02, 1., 100.);
+        for camera in [parallel, pinhole].map(Projection::new) {
+            let (start, direction) = camera.line_of_sight([120.5, 77.25]).unwrap();
+            for along in [-1.0, 0.0, 2.5] {
+                let [u, v] = camera.project(&(start + direction * along)).unwrap();
+                assert!((u - 120.5).hypot(v - 77.25) < 1e-6, "{u} {v}");
+            }
+        }
+    }
 
     #[test]
     fn the_local_scale_is_the_derivative() {

@@ -8,7 +8,9 @@ mod cameras;
 mod convergence;
 mod decode;
 mod jpeg;
+mod merge;
 mod pictures;
+mod pose;
 mod products;
 mod quality;
 mod reconstruct;
@@ -20,7 +22,9 @@ mod stream;
 pub use convergence::{CONVERGENCE, Convergence};
 pub use decode::{Photograph, decode};
 pub use jpeg::Jpeg;
+pub use merge::{MergeResult, Merged, MergedFile, PoseResult, merge};
 pub use pictures::{OUTLINE, SHEET};
+pub use pose::SeenPose;
 pub use products::{Product, products};
 pub use quality::Gate;
 pub use reconstruct::{Reconstruction, Taken};
@@ -35,6 +39,7 @@ use crate::calibrate::AxisError;
 use crate::export::ExportError;
 use crate::hull::HullError;
 use crate::mesh::MeshError;
+use crate::register::RegisterError;
 use crate::silhouette::SilhouetteError;
 
 /// Why there is no result.
@@ -124,6 +129,18 @@ pub enum PipelineError {
     /// The silhouettes have no hull.
     #[error(transparent)]
     Hull(#[from] HullError),
+    /// Lengths without a unit, where two sessions must have the same.
+    #[error(
+        "session {session}: its cameras have no unit of length, so its size cannot be compared with another session's; \
+         import the pictures with cameras in mm (--camera-unit mm)"
+    )]
+    NoUnit {
+        /// Name of the session.
+        session: String,
+    },
+    /// Two poses can't be put together.
+    #[error(transparent)]
+    Register(#[from] RegisterError),
     /// The hull can't be meshed.
     #[error(transparent)]
     Mesh(#[from] MeshError),

@@ -4,6 +4,7 @@ use super::convergence::{CONVERGENCE, drawn};
 use super::pictures::{SHEET, sheet_files};
 use super::{PipelineError, Reconstruction};
 use crate::export::{inp, stl, vtu};
+use crate::mesh::{Controls, TetMesh};
 use crate::report::Sheet;
 
 /// One product.
@@ -22,8 +23,6 @@ pub struct Product {
 /// # Errors
 /// [`PipelineError`] where a format can't hold the mesh or the drawing.
 pub fn products(made: &Reconstruction, software: &str, session: &str) -> Result<Vec<Product>, PipelineError> {
-    let mesh = &made.tetrahedra;
-    let surface = mesh.surface();
     let mut provenance =
         vec![format!("made by {software} from session {session}, {} views", made.views.len())];
     match made.scale_mm_per_px {
@@ -33,17 +32,7 @@ pub fn products(made: &Reconstruction, software: &str, session: &str) -> Result<
     if made.hull.volume_mm3.is_none() {
         provenance.push("NOT METRIC: the cameras have no unit of length".into());
     }
-    let mut deck = Vec::new();
-    inp::write(mesh, &provenance, made.controls.surface_size_mm, &mut deck)?;
-    let mut grid = Vec::new();
-    let volumes: Vec<f64> = mesh.tet_volumes_mm3().collect();
-    let column = vtu::Column { name: "volume_mm3", components: 1, values: &volumes };
-    vtu::write(mesh, &[], &[column], &mut grid)?;
-    let mut triangles = Vec::new();
-    stl::write(&surface.triangles, &mut triangles)?;
-    let mut out: Vec<Product> = [("inp", deck), ("vtu", grid), ("stl", triangles)]
-        .map(|(kind, bytes)| Product { kind: kind.into(), file: format!("grain.{kind}"), bytes })
-        .into();
+    let mut out = of_mesh(&made.tetrahedra, &made.controls, &provenance)?;
     if let Some(sheet) = &made.sheet {
         let title = format!("Calibration of session {session} ({software})");
         out.extend(sheet_files(SHEET, &Sheet { title, ..sheet.clone() })?);
@@ -54,4 +43,23 @@ pub fn products(made: &Reconstruction, software: &str, session: &str) -> Result<
     }
     out.extend(made.outlines.iter().cloned());
     Ok(out)
+}
+
+/// The mesh as Abaqus input, `ParaView` grid and STL surface.
+pub(super) fn of_mesh(
+    mesh: &TetMesh,
+    controls: &Controls,
+    provenance: &[String],
+) -> Result<Vec<Product>, PipelineError> {
+    let mut deck = Vec::new();
+    inp::write(mesh, provenance, controls.surface_size_mm, &mut deck)?;
+    let mut grid = Vec::new();
+    let volumes: Vec<f64> = mesh.tet_volumes_mm3().collect();
+    let column = vtu::Column { name: "volume_mm3", components: 1, values: &volumes };
+    vtu::write(mesh, &[], &[column], &mut grid)?;
+    let mut triangles = Vec::new();
+    stl::write(&mesh.surface().triangles, &mut triangles)?;
+    Ok([("inp", deck), ("vtu", grid), ("stl", triangles)]
+        .map(|(kind, bytes)| Product { kind: kind.into(), file: format!("grain.{kind}"), bytes })
+        .into())
 }

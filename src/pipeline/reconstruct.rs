@@ -18,7 +18,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// The finest default grid: cells along the hull's longest edge.
-const MOST_DEFAULT_CELLS: f64 = 400.0;
+pub(super) const MOST_DEFAULT_CELLS: f64 = 400.0;
 
 /// Silhouettes of one rigid body that is seen by the right cameras agree better than this.
 const LEAST_AGREEMENT: f64 = 0.95;

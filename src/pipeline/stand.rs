@@ -25,9 +25,14 @@ pub struct ContactPatch {
     pub volume_share: f64,
 }
 
+/// How high above the pedestal's top the outline is mixed with its light, pixels.
+pub(super) fn mixed_px(stand: &Stand) -> f64 {
+    (MIXED * stand.blur_px.value).max(LEAST_MIXED_PX)
+}
+
 /// The contact patch of a hull's surface, whose triangles are counter-clockwise seen from outside, in mm.
 pub(super) fn contact_patch(stand: &Stand, mm_per_px: f64, surface: &[[Point; 3]]) -> ContactPatch {
-    let height_mm = (MIXED * stand.blur_px.value).max(LEAST_MIXED_PX) * mm_per_px;
+    let height_mm = mixed_px(stand) * mm_per_px;
     let (mut area_mm2, mut low, mut all) = (0.0, 0.0, 0.0);
     for [a, b, c] in surface {
         let upwards = 0.5 * (b - a).cross(&(c - a)).z;

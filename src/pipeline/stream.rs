@@ -81,7 +81,12 @@ impl Pipeline {
         Ok(made)
     }
 
-    fn take(&self, views: Receiver<View>, observer: &Observer) -> Result<Vec<Taken>, PipelineError> {
+    /// Cuts out all views, in the order in which they come.
+    pub(super) fn take(
+        &self,
+        views: Receiver<View>,
+        observer: &Observer,
+    ) -> Result<Vec<Taken>, PipelineError> {
         let workers = std::thread::available_parallelism().map_or(1, std::num::NonZero::get).min(4);
         let views = Mutex::new((0, views));
         std::thread::scope(|scope| {

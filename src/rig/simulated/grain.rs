@@ -5,10 +5,11 @@ use super::settings::Settings;
 use crate::export::stl;
 use crate::geometry::{Point, TriangleMesh, Vector};
 use crate::rig::RigError;
+use nalgebra::Rotation3;
 use std::collections::HashMap;
 use std::path::Path;
 
-/// The body's surface in the table's frame at stage angle 0: scaled, its centroid at the eccentricity, its
+/// The body's surface in the table's frame at stage angle 0: scaled, turned, its centroid at the eccentricity, its
 /// lowest point `embedded_mm` below the pedestal's top (z = 0).
 ///
 /// # Errors
@@ -21,8 +22,10 @@ pub fn placed(settings: &Settings) -> Result<TriangleMesh, RigError> {
     };
     let scale = diameter_mm / (6.0 / std::f64::consts::PI * mesh.volume_mm3()).cbrt();
     let center = centroid(&mesh);
+    let [x, y, z] = settings.grain_rotation_deg.map(f64::to_radians);
+    let turn = Rotation3::from_euler_angles(x, y, z);
     for p in &mut mesh.vertices {
-        *p = Point::from((*p - center) * scale);
+        *p = Point::from(turn * ((*p - center) * scale));
     }
     let lowest = mesh.vertices.iter().map(|p| p.z).fold(f64::INFINITY, f64::min);
     let [x, y] = settings.eccentricity_mm;

@@ -15,6 +15,9 @@ pub struct Settings {
     pub grain_stl: Option<PathBuf>,
     /// Diameter of the sphere that has the grain's volume, mm. Scales the built-in grain and an STL alike.
     pub grain_size_mm: f64,
+    /// How the body is turned before it is set on the pedestal: about x, then y, then z of the table's frame, degrees.
+    /// Another turn is the same grain with another side down.
+    pub grain_rotation_deg: [f64; 3],
     /// A ball of this diameter (mm) instead of a grain: the body of known answers. Excludes `grain_stl`.
     pub sphere_diameter_mm: Option<f64>,
     /// Outer radius of the tube that carries the grain, mm; the tube's top is the plane z = 0.
@@ -122,6 +125,7 @@ impl Default for Settings {
             seed: 1,
             grain_stl: None,
             grain_size_mm: 0.9,
+            grain_rotation_deg: [0.0; 3],
             sphere_diameter_mm: None,
             pedestal_radius_mm: 0.25,
             embedded_mm: 0.02,
@@ -170,6 +174,9 @@ impl Settings {
         within("grain_size_mm", self.grain_size_mm, " mm", 1e-3, 1e3)?;
         if let Some(d) = self.sphere_diameter_mm {
             within("sphere_diameter_mm", d, " mm", 1e-3, 1e3)?;
+        }
+        for r in self.grain_rotation_deg {
+            within("grain_rotation_deg", r, "°", -360.0, 360.0)?;
         }
         within("pedestal_radius_mm", self.pedestal_radius_mm, " mm", 1e-4, 1e3)?;
         within("embedded_mm", self.embedded_mm, " mm", 0.0, 1e3)?;
@@ -237,9 +244,10 @@ mod tests {
     #[test]
     fn what_is_outside_its_limits_is_named() {
         type Spoil = fn(&mut Settings);
-        let bad: [(&str, Spoil); 9] = [
+        let bad: [(&str, Spoil); 10] = [
             ("mm_per_px", |s| s.mm_per_px = f64::NAN),
             ("grain_size_mm", |s| s.grain_size_mm = 0.0),
+            ("grain_rotation_deg", |s| s.grain_rotation_deg[1] = 1e3),
             ("width", |s| s.width = 0),
             ("width × height", |s| (s.width, s.height) = (65_000, 65_000)),
             ("camera_distance_mm", |s| s.camera_distance_mm = Some(f64::INFINITY)),

@@ -1,0 +1,150 @@
+//! One pose, prepared for the search: its hull as a function, samples of its surface, the rays of its outlines.
+
+use super::field::{Field, Moments};
+use super::rims::{Rim, rims};
+use super::{Cut, Motion, RegisterError};
+use crate::geometry::{Point, Projection};
+use crate::hull::{Cone, HullError, HullGrid, VisualHull, find_bounds};
+use crate::silhouette::Silhouette;
+use std::sync::Arc;
+
+/// Cells along the hull's longest edge: of the grid whose surface is sampled, of the lattice for the search, and of
+/// the one that tells the centroid.
+const SURFACE_CELLS: f64 = 64.0;
+const FIELD_CELLS: usize = 72;
+const MOMENT_CELLS: usize = 40;
+/// Room about the hull in the lattice, as a share of its longest edge.
+const ROOM: f64 = 0.1;
+/// Samples of the surface.
+const SAMPLES: usize = 360;
+
+/// A view of a pose.
+#[derive(Debug, Clone)]
+pub struct PoseView {
+    /// The camera.
+    pub projection: Projection,
+    /// The outline.
+    pub silhouette: Arc<Silhouette>,
+    /// Where the view stops to show the grain by itself; absent where it shows all of it.
+    pub cut: Option<Cut>,
+}
+
+impl PoseView {
+    /// The view's cone, which leaves alone what the view does not show.
+    fn open(&self) -> Cone {
+        let silhouette = match &self.cut {
+            Some(cut) => Arc::new(cut.opened(&self.silhouette)),
+            None => Arc::clone(&self.silhouette),
+        };
+        Cone::new(self.projection.clone(), silhouette)
+    }
+
+    /// Whether the view shows this place's surroundings, `margin_px` above its cut.
+    pub(super) fn shows(&self, p: &Point, margin_px: f64) -> bool {
+        let Some(cut) = &self.cut else { return true };
+        self.projection.project(p).is_some_and(|q| cut.above_px(q) > margin_px)
+    }
+}
+
+/// All views of one pose of a grain.
+#[derive(Debug, Clone)]
+pub struct Pose {
+    views: Vec<PoseView>,
+    /// The open cones, and the box of the closed hull.
+    body: VisualHull,
+    pub(super) field: Field,
+    pub(super) moments: Moments,
+    pub(super) samples: Vec<Point>,
+    pub(super) rims: Vec<Rim>,
+    pub(super) size_mm: f64,
+    /// Pixels per mm at the hull's centre.
+    pub(super) px_per_mm: f64,
+}
+
+impl Pose {
+    /// Prepares a pose.
+    ///
+    /// # Errors
+    /// [`RegisterError`] where the views have no common body, or show no outline above their cut.
+    pub fn new(views: Vec<PoseView>) -> Result<Self, RegisterError> {
+        let closed: Vec<Cone> =
+            views.iter().map(|v| Cone::new(v.projection.clone(), Arc::clone(&v.silhouette))).collect();
+        let bounds = find_bounds(&closed)?;
+        let size_mm = bounds.size().max();
+        let empty = || RegisterError::Hull(HullError::Empty { views: views.len() });
+        let mut grid = HullGrid::new(&bounds, size_mm / SURFACE_CELLS)?;
+        closed.iter().for_each(|c| grid.carve(c));
+        let surface = grid.surface_triangles();
+        let closed = VisualHull { cones: closed, bounds };
+        let moments = Field::of(&closed, &bounds, MOMENT_CELLS).moments().ok_or_else(empty)?;
+        let body = VisualHull { cones: views.iter().map(PoseView::open).collect(), bounds };
+        let px_per_mm = views.iter().filter_map(|v| v.projection.px_per_mm(&moments.centre)).sum::<f64>()
+            / views.len() as f64;
+        let field = Field::of(&body, &bounds.grown(ROOM * size_mm), FIELD_CELLS);
+        let rims = rims(&views, &body)?;
+        let shown = |p: &Point| views.iter().all(|v| v.shows(p, 1.0));
+        let samples = sampled(&surface, shown);
+        if samples.is_empty() {
+            return Err(empty());
+        }
+        Ok(Self { views, body, field, moments, samples, rims, size_mm, px_per_mm })
+    }
+
+    /// The views.
+    pub fn views(&self) -> &[PoseView] {
+        &self.views
+    }
+
+    /// The hull as a function; below its cuts it is open.
+    pub fn body(&self) -> &VisualHull {
+        &self.body
+    }
+
+    /// The open cones as they stand in a frame into which the pose is moved.
+    pub fn cones_moved(&self, motion: &Motion) -> Vec<Cone> {
+        (self.views.iter())
+            .map(|v| PoseView { projection: motion.camera(&v.projection), ..v.clone() }.open())
+            .collect()
+    }
+}
+
+/// Places evenly spread over the area of the triangles that `keep`s.
+fn sampled(triangles: &[[Point; 3]], keep: impl Fn(&Point) -> bool) -> Vec<Point> {
+    let middle = |[a, b, c]: &[Point; 3]| Point::from((a.coords + b.coords + c.coords) / 3.0);
+    let kept: Vec<(Point, f64)> = (triangles.iter())
+        .map(|t| (middle(t), 0.5 * (t[1] - t[0]).cross(&(t[2] - t[0])).norm()))
+        .filter(|(p, _)| keep(p))
+        .collect();
+    let each = kept.iter().map(|(_, area)| area).sum::<f64>() / SAMPLES as f64;
+    let (mut sum, mut out) = (0.0, Vec::with_capacity(SAMPLES));
+    for (p, area) in &kept {
+        sum += area;
+        if sum > each * (out.len() as f64 + 0.5) {
+            out.push(*p);
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_are_spread_by_area() {
+        let square = |x: f64, n: usize| {
+            (0..n).map(move |i| {
+                let y = i as f64 / n as f64;
+                let h = 2.0 / n as f64;
+                [Point::new(x, y, 0.0), Point::new(x + 1.0, y, 0.0), Point::new(x, y + h, 0.0)]
+            })
+        };
+        // The same area in many small triangles and in fewer large ones.
+        let triangles: Vec<_> = square(0.0, 4000).chain(square(5.0, 1000)).collect();
+        let samples = sampled(&triangles, |p| p.y < 0.99);
+        let left = samples.iter().filter(|p| p.x < 2.0).count();
+        assert!(samples.len().abs_diff(SAMPLES) <= 2, "{}", samples.len());
+        assert!(left.abs_diff(SAMPLES / 2) <= 2, "{left}");
+        assert!(samples.iter().all(|p| p.y < 0.99));
+    }
+}

@@ -1,0 +1,209 @@
+//! Two captures of one grain, another side down in the second, become one closer hull.
+
+mod kit;
+
+use grainrig::acquire::Control;
+use grainrig::config::Config;
+use grainrig::daemon::{self, DaemonError, MergeFinished, Watcher};
+use grainrig::geometry::{Point, Vector};
+use grainrig::pipeline::PipelineError;
+use grainrig::register::RegisterError;
+use grainrig::rig::simulated::{self, Settings};
+use kit::{Lab, Ran};
+use nalgebra::{Matrix3, Rotation3};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Six real grains; where they are not there, as many built-in ones.
+fn grains() -> Vec<Settings> {
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/grains"));
+    if !folder.is_dir() {
+        println!("skipped: {} is not there; built-in grains instead", folder.display());
+        return (1..=6).map(|seed| Settings { seed, ..small() }).collect();
+    }
+    let names = [
+        "sand_ma107_00002",
+        "sand_ma107_00107",
+        "gravel_az_00002",
+        "ct_cement140_02210",
+        "ct_ma160_00357",
+        "lsdem_sand",
+    ];
+    (names.iter().zip(1..))
+        .map(|(name, seed)| {
+            let stl: PathBuf = folder.join(format!("{name}.stl"));
+            Settings { seed, grain_stl: Some(stl), ..small() }
+        })
+        .collect()
+}
+
+/// A grain of about 200 pixels.
+fn small() -> Settings {
+    Settings { width: 520, height: 420, mm_per_px: 0.0045, ..Settings::default() }
+}
+
+/// The same grain, tipped over to one side and turned about the upright axis by an angle that nobody notes.
+fn remounted(settings: &Settings, turn_deg: f64) -> Settings {
+    Settings { grain_rotation_deg: [90.0, 0.0, turn_deg], eccentricity_mm: [-0.02, 0.04], ..settings.clone() }
+}
+
+fn config(simulated: &Settings) -> Config {
+    let mut config: Config =
+        toml::from_str("[plan]\nsettle_ms = 0\n[mesh]\nsurface_size_mm = 0.1\n").unwrap();
+    config.optics.mm_per_px = simulated.mm_per_px;
+    config.optics.camera_distance_mm = simulated.camera_distance_mm;
+    config.report.pictures = false;
+    config.simulated = simulated.clone();
+    config
+}
+
+fn quiet() -> Watcher {
+    Arc::new(|_| {})
+}
+
+/// Captures both and merges them: what came of it, and the rows that either session took for z = 0.
+fn merged(a: &Settings, b: &Settings) -> Result<(MergeFinished, [f64; 2]), DaemonError> {
+    let home = tempfile::tempdir().unwrap();
+    let origins = [("a", a), ("b", b)].map(|(name, settings)| {
+        let config = config(settings);
+        let done =
+            daemon::capture(home.path(), name, &config, None, &Control::new(), &quiet()).unwrap().result;
+        done.axis.unwrap().origin_row_px
+    });
+    let out = home.path().join("out");
+    let folders = [home.path().join("a"), home.path().join("b")];
+    let done = daemon::merge([&folders[0], &folders[1]], &out, None, &quiet());
+    assert_eq!(out.exists(), done.is_ok(), "a refusal leaves nothing, a result its files");
+    if done.is_ok() {
+        assert_eq!(kit::files(&out), ["grain.inp", "grain.stl", "grain.vtu", "result.json"]);
+    }
+    done.map(|done| (done, origins))
+}
+
+fn turn(settings: &Settings) -> Rotation3<f64> {
+    let [x, y, z] = settings.grain_rotation_deg.map(f64::to_radians);
+    Rotation3::from_euler_angles(x, y, z)
+}
+
+/// What the stated motion errs by: degrees, and pixels at the worst place of the grain's surface.
+fn motion_error(a: &Settings, b: &Settings, done: &MergeFinished, origins: [f64; 2]) -> (f64, f64) {
+    // In each session's own frame: a grain that hides the pedestal's rim makes its top uncertain, which is no error
+    // of the motion.
+    let [from, to] = [(b, origins[1]), (a, origins[0])].map(|(s, origin_row)| {
+        let handle = simulated::open(s).unwrap().2;
+        let rise = Vector::z() * (origin_row - handle.truth().camera.axis_row_px) * s.mm_per_px;
+        handle.truth_mesh().vertices.iter().map(|p| p + rise).collect::<Vec<_>>()
+    });
+    let m = &done.result.merge;
+    let rotation = Matrix3::from_fn(|i, j| m.rotation_matrix[i][j]);
+    let place = |p: &Point| Point::from(rotation * p.coords + Vector::from(m.translation_mm));
+    let off = from.iter().zip(&to).map(|(p, q)| (place(p) - q).norm()).fold(0.0, f64::max);
+    let truth = turn(a) * turn(b).inverse();
+    let apart = Rotation3::from_matrix_unchecked(rotation).rotation_to(&truth).angle();
+    (apart.to_degrees(), off / a.mm_per_px)
+}
+
+/// What silhouettes from all sides leave, a hollow, no second pose can take; nor a flat foot that only the other pose
+/// sees, and that one only from the nearest of its views.
+#[test]
+fn a_second_pose_takes_about_half_of_the_excess_away() {
+    println!("excess of the hull over the true grain; error of the motion at the worst place");
+    let (mut before, mut after) = (0.0, 0.0);
+    for (a, turned) in grains().into_iter().zip([37.0, -118.0, 201.0, 74.0, -15.0, 163.0]) {
+        let b = remounted(&a, turned);
+        let (done, origins) = merged(&a, &b).unwrap();
+        let truth = [&a, &b].map(|s| simulated::open(s).unwrap().2.truth());
+        let m = &done.result.merge;
+        let alone_a = m.a.volume_mm3 / truth[0].volume_above_pedestal_mm3 - 1.0;
+        let alone_b = m.b.volume_mm3 / truth[1].volume_above_pedestal_mm3 - 1.0;
+        // The merged hull has the feet, which each pose hides from itself, as the other sees them.
+        let excess = m.volume_mm3 / truth[0].grain_volume_mm3 - 1.0;
+        let (degrees, pixels) = motion_error(&a, &b, &done, origins);
+        let name = a.grain_stl.as_ref().and_then(|p| p.file_stem()).map(|n| n.to_string_lossy().into_owned());
+        println!(
+            "{:<20} a {:+.2} %, b {:+.2} %, merged {:+.2} %; {degrees:.3}°, {pixels:.2} px; unfilled {:.3} px (alone \
+             {:.3}), residual {:.3} px, next best turn {:.2} px; IoU at least {:.4}",
+            name.unwrap_or_else(|| format!("built-in {}", a.seed)),
+            100.0 * alone_a,
+            100.0 * alone_b,
+            100.0 * excess,
+            m.unfilled.mean_px,
+            m.unfilled_alone.mean_px,
+            m.residual_px,
+            m.rival.map_or(f64::NAN, |r| r.mean_px),
+            done.result.result.hull.silhouette_iou.min,
+        );
+        before += 0.5 * (alone_a + alone_b) / 6.0;
+        after += excess / 6.0;
+        assert!(excess < 0.75 * 0.5 * (alone_a + alone_b), "{excess} of {alone_a} and {alone_b}");
+        assert!(excess > 0.0, "the merged hull must hold the grain: {excess}");
+        assert!(degrees < 0.5 && pixels < 1.0, "the motion is off by {degrees}°, {pixels} px");
+        assert!(m.axes_apart_deg > 80.0, "{}", m.axes_apart_deg);
+    }
+    println!("mean: one pose {:+.2} %, both {:+.2} %", 100.0 * before, 100.0 * after);
+    assert!(after < 0.6 * before, "{after} of {before}");
+}
+
+#[test]
+fn a_ball_fits_in_every_way_and_is_refused() {
+    let a = Settings { sphere_diameter_mm: Some(0.9), ..small() };
+    let refused = merged(&a, &remounted(&a, 20.0)).unwrap_err();
+    let DaemonError::Pipeline(PipelineError::Register(RegisterError::Ambiguous { apart_deg, .. })) = &refused
+    else {
+        panic!("{refused}")
+    };
+    assert!(*apart_deg > 5.0, "{refused}");
+    assert!(refused.to_string().contains("ambiguous"), "{refused}");
+}
+
+#[test]
+fn two_different_grains_are_refused() {
+    let all = grains();
+    for (a, b) in [(&all[0], &all[1]), (&all[1], &all[5])] {
+        let refused = merged(a, &remounted(b, 50.0)).unwrap_err();
+        println!("{refused}");
+        assert!(
+            matches!(&refused, DaemonError::Pipeline(PipelineError::Register(RegisterError::Poor { .. }))),
+            "{refused}"
+        );
+    }
+}
+
+#[test]
+fn the_program_merges_two_sessions_and_says_how() {
+    let lab = Lab::new();
+    let a = Settings { seed: 3, width: 324, height: 270, mm_per_px: 0.0075, ..Settings::default() };
+    for (name, settings) in [("a", &a), ("b", &remounted(&a, 65.0))] {
+        lab.write("one.toml", toml::to_string(&config(settings)).unwrap());
+        lab.run(&["--config", "one.toml", "capture", name]).succeeds();
+    }
+    let told = lab.run(&["merge", "a", "b", "--out", "words"]).succeeds();
+    for part in
+        ["merged     ", "by the 25 views of a alone", "motion     b to a: turned by", "silhouettes unfilled"]
+    {
+        assert!(told.stdout.contains(part), "{part:?} is missing from: {}", told.stdout);
+    }
+    assert!(told.stderr.contains("computing: register"), "{}", told.stderr);
+    // On one core, the same bytes.
+    let mut command = lab.command(&["--json", "merge", "a", "b", "--out", "one"]);
+    let json = Ran::from(command.env("RAYON_NUM_THREADS", "1")).succeeds().json();
+    for file in ["grain.inp", "grain.vtu", "grain.stl"] {
+        let [words, one] = ["words", "one"].map(|folder| kit::read(&lab.path(folder).join(file)));
+        assert_eq!(words, one, "{file} depends on the number of cores");
+    }
+    let written: Value = serde_json::from_slice(&kit::read(&lab.path("one/result.json"))).unwrap();
+    assert_eq!(written["merge"], json["merge"]);
+    let m = &json["merge"];
+    let number = |v: &Value| v.as_f64().unwrap_or_else(|| panic!("{v} is no number"));
+    assert!(number(&m["volume_mm3"]) < number(&m["a"]["volume_mm3"]).min(number(&m["b"]["volume_mm3"])));
+    assert!(number(&m["axes_apart_deg"]) > 85.0 && number(&m["rotation_deg"]) <= 180.0, "{m}");
+    assert_eq!((json["views"].as_u64(), json["view_details"].as_array().unwrap().len()), (Some(50), 50));
+    let surface = grainrig::export::stl::read(&kit::read(&lab.path("one/grain.stl"))).unwrap();
+    surface.check().unwrap();
+
+    lab.run(&["merge", "a", "b", "--out", "one"]).fails(2, &["one", "not an empty folder", "--out"]);
+    lab.run(&["merge", "a", "a", "--out", "two"]).fails(2, &["both sessions are", "another side down"]);
+    lab.run(&["merge", "a", "nowhere", "--out", "two"]).fails(1, &["nowhere"]);
+    assert!(!lab.path("two").exists());
+}
