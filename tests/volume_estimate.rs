@@ -135,7 +135,7 @@ fn captured(seed: usize, shapes: &[PathBuf]) -> Outcome {
     let signs = &result["hull"]["volume_signs"];
     let sign = |key: &str| signs[key].as_f64().unwrap_or(f64::NAN);
     println!(
-        "{seed:3} {:20} hull {:+6.2} %, estimate {:+6.2} % ({:+6.2} … {:+6.2}){}; hollow {:.4}, unsteady {:.3}, restless \
+        "{seed:3} {:20} hull {:+6.2} %, estimate {:+6.2} % ({:+6.2} … {:+6.2}){}; empty {:.4}, unsteady {:.3}, restless \
          {:.3}, gaps {:.4}",
         outcome.name,
         percent(outcome.hull),
@@ -143,7 +143,7 @@ fn captured(seed: usize, shapes: &[PathBuf]) -> Outcome {
         percent(outcome.interval[0]),
         percent(outcome.interval[1]),
         if outcome.holds() { "" } else { " MISSED" },
-        sign("hollow"),
+        sign("empty"),
         sign("unsteady"),
         sign("restless"),
         sign("gaps")

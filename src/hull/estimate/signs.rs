@@ -4,18 +4,15 @@ use super::tangents::{Tangent, Tangents};
 use serde::Serialize;
 use std::f64::consts::{PI, TAU};
 
-/// Half the length over which the outlines' hollows are measured along the axis, as a share of the grain's diameter.
-const HALF_LENGTH: f64 = 0.03;
 /// The height over which slices are compared, as a share of the grain's diameter.
 const APART: f64 = 0.05;
 
 /// Figures of the views that go with the hull's excess; without unit, and free of the grain's size.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Signs {
-    /// How hollow the outlines are along the axis: the mean over heights and directions of
-    /// `max(0, (h(z+s) + h(z−s))/2 − h(z))/s`, h being the slice's reach and s 3 % of the diameter. 0 for a convex
-    /// body. What the outlines show along the axis, slices have across it too, where no level view sees it.
-    pub hollow: f64,
+    /// How empty the outlines are: the share of its convex hull that an outline leaves free, in the mean over the views.
+    /// 0 for a convex body. What the outlines show of hollows, slices have across it too, where no level view sees it.
+    pub empty: f64,
     /// How unsteady the slices' curvature is: the standard deviation of the radius of curvature over its mean, from
     /// one direction to the next. The radius between two tangents is the length of the polygon's edge over the angle.
     /// 0 for a circle; over a hollow the polygon has a long edge, beside it short ones, and so it has over a facet.
@@ -32,24 +29,13 @@ pub struct Signs {
 
 impl Signs {
     /// From the tangents of a hull that is so high.
-    pub(super) fn of(tangents: &Tangents, height_mm: f64, gaps: f64) -> Self {
+    pub(super) fn of(tangents: &Tangents, height_mm: f64, [empty, gaps]: [f64; 2]) -> Self {
         let rows = &tangents.rows;
         let directions = rows[0].len();
         let reaches =
             rows.iter().flatten().map(|t| t.reach_mm).sum::<f64>() / (rows.len() * directions) as f64;
         // The mean breadth times the height is the mean outline's area.
         let diameter = (4.0 / PI * 2.0 * reaches * height_mm).sqrt();
-        let steps =
-            ((HALF_LENGTH * diameter / tangents.pitch_mm).round() as usize).clamp(1, rows.len() / 2 - 1);
-        let mut hollow = 0.0;
-        for k in steps..rows.len() - steps {
-            for i in 0..directions {
-                let [below, here, above] = [k - steps, k, k + steps].map(|r| rows[r][i].reach_mm);
-                hollow += (0.5 * (below + above) - here).max(0.0);
-            }
-        }
-        hollow /= ((rows.len() - 2 * steps) * directions) as f64 * steps as f64 * tangents.pitch_mm;
-
         let slices: Vec<Slice> = rows.iter().map(|row| Slice::of(row)).collect();
         let area = slices.iter().map(|s| s.area).sum::<f64>();
         let unsteady = slices.iter().map(|s| s.area * s.unsteady).sum::<f64>() / area;
@@ -61,7 +47,7 @@ impl Signs {
             })
             .sum::<f64>()
             / area;
-        Self { hollow, unsteady, restless, gaps, views: 0.5 * directions as f64 }
+        Self { empty, unsteady, restless, gaps, views: 0.5 * directions as f64 }
     }
 }
 

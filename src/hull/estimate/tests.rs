@@ -69,7 +69,7 @@ fn a_ball_fills_its_hull_but_for_the_corners() {
         let cones = views(ball, 25, 180.0, Turntable { camera_distance_mm: distance, ..level() });
         let e = estimate(&cones, &known);
         let signs = e.signs.unwrap();
-        assert!(signs.hollow < 0.003 && signs.unsteady < 0.3 && signs.gaps < 0.003, "{signs:?}");
+        assert!(signs.empty < 0.003 && signs.unsteady < 0.3 && signs.gaps < 0.003, "{signs:?}");
         assert!((e.volume_mm3 / truth - 1.0).abs() < 0.004, "{distance:?}: {} {truth}", e.volume_mm3);
         assert!(e.interval_mm3[0] < truth && truth < e.interval_mm3[1], "{distance:?}: {e:?}");
         assert!(e.interval_mm3[1] - e.interval_mm3[0] < 0.02 * truth);
@@ -80,8 +80,8 @@ fn a_ball_fills_its_hull_but_for_the_corners() {
 fn ripples_along_the_axis_tell_of_hollows_across_it() {
     let smooth = estimate(&views(ball, 25, 180.0, level()), &known(ball, 25));
     let rough = estimate(&views(rippled, 25, 180.0, level()), &known(rippled, 25));
-    let hollow = |e: &VolumeEstimate| e.signs.unwrap().hollow;
-    assert!(hollow(&rough) > hollow(&smooth) + 0.02, "{rough:?}");
+    let empty = |e: &VolumeEstimate| e.signs.unwrap().empty;
+    assert!(empty(&rough) > empty(&smooth) + 0.02, "{rough:?}");
     let share = |e: &VolumeEstimate, radius: fn(f64) -> f64| e.volume_mm3 / known(radius, 25).volume_mm3;
     assert!(share(&rough, rippled) < share(&smooth, ball));
 }
@@ -104,7 +104,7 @@ fn cameras_that_show_no_slices_leave_more_open() {
     for cones in [views(rippled, 25, 180.0, above), few, part] {
         let e = estimate(&cones, &known(rippled, 25));
         assert!(e.signs.is_none() && width(&e) > 1.5 * width(&level_views), "{e:?}");
-        assert!(e.shares[0].what.contains("emptiness"), "{e:?}");
+        assert!(e.shares[0].what.contains("alone"), "{e:?}");
     }
 }
 
