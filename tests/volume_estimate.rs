@@ -12,6 +12,7 @@ use grainrig::rig::simulated::Truth;
 use kit::Lab;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use serde_json::Value;
+use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
 /// Grains that are captured where nobody says how many.
@@ -37,7 +38,7 @@ impl Draw {
 
     /// Any rotation, all alike likely (Shoemake 1992).
     fn rotation(&mut self) -> UnitQuaternion<f64> {
-        let (u, a, b) = (self.next(), self.between(0.0, 6.283), self.between(0.0, 6.283));
+        let (u, a, b) = (self.next(), self.between(0.0, TAU), self.between(0.0, TAU));
         let (p, q) = ((1.0 - u).sqrt(), u.sqrt());
         UnitQuaternion::from_quaternion(Quaternion::new(p * a.sin(), p * a.cos(), q * b.sin(), q * b.cos()))
     }

@@ -4,7 +4,7 @@
 const REACH: f64 = 5.0;
 const STEPS: usize = 200;
 
-/// The distribution of ln(V/V_hull) = −ln(1 + E) + s·y: ln E is normal, and so is y.
+/// The distribution of the logarithm of the grain's volume over the hull's, −ln(1 + E) + s·y: ln E is normal, and so is y.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Spread {
     /// Mean of ln E.

@@ -1,6 +1,6 @@
 //! What the hull can't see: the grain's volume from the hull's, with an interval.
 //!
-//! The hull is larger than the grain by an excess E = V_hull/V − 1, which has two parts. Between the tangents of N views a
+//! The hull is larger than the grain by an excess E (its volume over the grain's, less 1), which has two parts. Between the tangents of N views a
 //! slice is a polygon about the slice's convex hull: (2N/π) tan(π/2N) − 1 for a ball (0.13 % at 25 views), about 1 % for
 //! an angular grain. And views that are level never see into a hollow of a slice: the hull fills it. That is most of E,
 //! and more views about the same axis do not help.
@@ -48,6 +48,8 @@ const SPREAD: f64 = 0.30;
 const LEAST: [f64; 3] = [0.001, 0.01, 0.001];
 /// Numbers of views between which it was fitted.
 const FITTED_VIEWS: std::ops::RangeInclusive<f64> = 8.0..=50.0;
+/// The greatest signs among those hulls: empty, unsteady, restless, gaps.
+const MOST_FITTED: [f64; 4] = [0.126, 3.0, 0.69, 0.056];
 /// ln E = p + q·ln(empty + 0.001), for any cameras, from the same hulls of 25 views.
 const ANY_CAMERAS: [f64; 2] = [-0.238, 0.664];
 /// Standard deviation about that: 0.55 at 25 views around one axis, and something for other ways to go around.
@@ -101,7 +103,7 @@ pub struct Share {
     pub percent: [f64; 2],
 }
 
-/// Estimates the volume of the grain inside the hull of these views: of what stands above the pedestal, since below
+/// Estimates the volume of the grain inside the hull of these views, at least one: of what stands above the pedestal, since below
 /// nobody sees it. The cost is that of reading a hundred lines of each silhouette.
 pub fn estimate(cones: &[Cone], known: &Known) -> VolumeEstimate {
     let silhouettes: Vec<_> = cones.iter().map(Cone::silhouette).collect();
@@ -109,12 +111,12 @@ pub fn estimate(cones: &[Cone], known: &Known) -> VolumeEstimate {
     let signs = Tangents::read(cones, &known.bounds)
         .map(|t| Signs::of(&t, known.bounds.size().z, [empty, outlines::gaps(silhouettes.iter().copied())]))
         .filter(|s| FITTED_VIEWS.contains(&s.views));
-    let (log_excess, spread) = match &signs {
-        Some(signs) => (log_excess(signs), SPREAD),
-        None => {
-            let [p, q] = ANY_CAMERAS;
-            (p + q * (empty + LEAST[0]).ln(), ANY_SPREAD)
-        }
+    let beyond = empty > MOST_FITTED[0] || signs.is_some_and(|s| !is_like_fitted(&s));
+    let (log_excess, spread) = if let Some(signs) = &signs {
+        (log_excess(signs), if beyond { ANY_SPREAD } else { SPREAD })
+    } else {
+        let [p, q] = ANY_CAMERAS;
+        (p + q * (empty + LEAST[0]).ln(), ANY_SPREAD)
     };
     let middle = known.bounds.center();
     let sizes: Vec<f64> = cones.iter().filter_map(|c| c.projection().px_per_mm(&middle)).collect();
@@ -138,9 +140,10 @@ pub fn estimate(cones: &[Cone], known: &Known) -> VolumeEstimate {
     } else {
         "as told by how empty the outlines are alone, since the cameras show no level slices all around"
     };
+    let beyond = if beyond { " (farther than in any grain that this was fitted to)" } else { "" };
     let mut shares = vec![Share {
         what: format!(
-            "hollows and corners that no view sees: the hull is about {excess:.1} % too large, {how}"
+            "hollows and corners that no view sees: the hull is about {excess:.1} % too large, {how}{beyond}"
         ),
         percent: [low, high],
     }];
@@ -165,6 +168,12 @@ pub fn estimate(cones: &[Cone], known: &Known) -> VolumeEstimate {
         add("the foot, where the grain's light and the pedestal's mix".into(), foot);
     }
     VolumeEstimate { volume_mm3, interval_mm3, shares, signs }
+}
+
+/// Whether signs are within what the formula was fitted to; beyond, it is drawn out, and the spread is that of no signs.
+fn is_like_fitted(signs: &Signs) -> bool {
+    let [empty, unsteady, restless, gaps] = MOST_FITTED;
+    signs.empty <= empty && signs.unsteady <= unsteady && signs.restless <= restless && signs.gaps <= gaps
 }
 
 /// The module's formula.
