@@ -130,11 +130,11 @@ fn each_uncertainty_widens_the_interval_and_is_named() {
 
 #[test]
 fn a_body_unlike_all_that_was_fitted_to_is_told_and_leaves_more_open() {
-    let width = |e: &VolumeEstimate| (e.interval_mm3[1] - e.interval_mm3[0]) / e.volume_mm3;
-    // Thick and thin: its outline leaves a quarter of its convex hull free.
+    // Thick and thin: its outline leaves a fifth of its convex hull free. Its slices are discs none the less.
     let waisted = |z: f64| if z.abs() < 40.0 { 50.0 } else { 100.0 };
     let e = estimate(&views(waisted, 25, 180.0, level()), &known(waisted, 25));
     assert!(e.shares[0].what.contains("farther than in any grain"), "{e:?}");
     let plain = estimate(&views(ball, 25, 180.0, level()), &known(ball, 25));
-    assert!(!plain.shares[0].what.contains("farther") && width(&e) > 2.0 * width(&plain), "{e:?}");
+    assert!(!plain.shares[0].what.contains("farther"), "{plain:?}");
+    assert!(e.shares[0].percent[0] < plain.shares[0].percent[0] - 0.1, "{e:?} {plain:?}");
 }
