@@ -102,7 +102,31 @@ pub enum FindingKind {
     StepSize,
 }
 
+/// What a view that looks from elsewhere costs of the volume, computed on irregular grains: 0.3 % for 0.5° in every
+/// view's angle; for shifts of a view, and of the axis, these times the shift over the grain's diameter.
+const PER_DEGREE: f64 = 0.006;
+const PER_SHIFT: f64 = 1.7;
+const PER_AXIS: f64 = 0.6;
+
 impl Calibration {
+    /// Standard uncertainty of the scale as a share of it; `None` where nobody knows it.
+    pub fn scale_share(&self) -> Option<f64> {
+        Some(self.mm_per_px.sigma? / self.mm_per_px.value?)
+    }
+
+    /// Standard uncertainty of a hull's volume from axis, angles and the views' shifts, as a share of the volume (mm³).
+    pub fn volume_share(&self, volume_mm3: f64) -> f64 {
+        let diameter_px =
+            (6.0 / std::f64::consts::PI * volume_mm3).cbrt() / self.mm_per_px.value.unwrap_or(1.0);
+        let mean_square = |of: &dyn Fn(&ViewCalibration) -> f64| {
+            self.views.iter().map(|v| of(v).powi(2)).sum::<f64>() / self.views.len().max(1) as f64
+        };
+        let angles = PER_DEGREE * mean_square(&|v| v.angle_sigma_deg).sqrt();
+        let shifts = PER_SHIFT * mean_square(&|v| v.offset_sigma_px).sqrt() / diameter_px;
+        let axis = PER_AXIS * self.axis_column_px.sigma.unwrap_or(0.0) / diameter_px;
+        angles.hypot(shifts).hypot(axis)
+    }
+
     /// The camera of each view, in the order of [`Calibration::views`].
     pub fn cameras(&self) -> Vec<Projection> {
         let sense = if self.rotation.counter_clockwise { 1.0 } else { -1.0 };

@@ -117,8 +117,17 @@ pub(super) fn report(common: &Common, done: &Finished) -> Result<()> {
 /// The result in words, a line for each figure.
 pub(super) fn summary(done: &Finished) -> String {
     let r = &done.result;
-    let mut lines = vec![
-        format!("session    {}", done.folder.display()),
+    let mut lines = vec![format!("session    {}", done.folder.display())];
+    if let (Some(hull), Some(volume), Some([low, high])) =
+        (r.hull.volume_mm3, r.hull.volume_estimate_mm3, r.hull.volume_interval_mm3)
+    {
+        // As many digits for a grain of a tenth of a millimetre as for one of 3 mm.
+        let digits = (3 - volume.log10().floor() as i32).clamp(1, 9) as usize;
+        lines.push(format!(
+            "volume     {volume:.digits$} mm³ ({low:.digits$} … {high:.digits$}; hull {hull:.digits$})"
+        ));
+    }
+    lines.extend([
         match (r.hull.volume_mm3, r.hull.voxel_volume_mm3, r.hull.voxel_mm, r.hull.surface_area_mm2) {
             (Some(volume), Some(counted), Some(edge), Some(area)) => format!(
                 "hull       {volume:.5} mm³ from {} views (an upper bound of the grain)\n           \
@@ -143,7 +152,7 @@ pub(super) fn summary(done: &Finished) -> String {
             r.mesh.dihedral_deg.p01,
             r.mesh.facet_angle_deg.min
         ),
-    ];
+    ]);
     let outlines = || r.products.iter().filter(|(kind, _)| kind.starts_with(OUTLINE));
     let others = r.products.iter().filter(|(kind, _)| !kind.starts_with(OUTLINE));
     lines.extend(others.map(|(kind, path)| format!("{kind:<10} {path}")));

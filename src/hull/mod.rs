@@ -6,6 +6,7 @@
 
 mod bounds;
 mod cone;
+pub mod estimate;
 mod grid;
 mod lattice;
 mod measure;

@@ -194,6 +194,7 @@ pub fn merge(
         hull: HullResult::new(
             &measures,
             (HullMethod::Grid, measures.volume_mm3),
+            None,
             &voxels,
             &ious,
             None,

@@ -7,6 +7,7 @@ use super::stand::contact_patch;
 use super::{Cameras, LengthUnit, Observer, PipelineError, Product, Settings, TurntableSettings, pictures};
 use crate::calibrate::{Calibration, Turntable};
 use crate::geometry::Angle;
+use crate::hull::estimate::{Known, estimate};
 use crate::hull::slices::{SliceError, SlicedHull};
 use crate::hull::{Cone, HullGrid, VisualHull, find_bounds, silhouette_iou};
 use crate::mesh::{Controls, TetMesh, mesh};
@@ -172,6 +173,17 @@ pub(super) fn reconstruct(
     let patch =
         stand.as_ref().zip(scale_mm_per_px).map(|(s, mm_per_px)| contact_patch(s, mm_per_px, &triangles));
     drop(triangles);
+    let estimate = estimate(
+        &cones,
+        &Known {
+            volume_mm3: volume.1,
+            surface_mm2: measures.surface_area_mm2,
+            bounds: tight,
+            scale: calibration.as_ref().and_then(Calibration::scale_share),
+            cameras: calibration.as_ref().map_or(0.0, |c| c.volume_share(volume.1)),
+            foot: patch.map_or(0.0, |p| p.volume_share),
+        },
+    );
     let hull_s = start.elapsed().as_secs_f64();
 
     let start = Instant::now();
@@ -218,7 +230,7 @@ pub(super) fn reconstruct(
     let report_s = start.elapsed().as_secs_f64();
     let silhouette_s = taken.iter().map(|t| t.seconds).sum::<f64>();
     Ok(Reconstruction {
-        hull: HullResult::new(&measures, volume, &voxels, &ious, patch, converging, metric),
+        hull: HullResult::new(&measures, volume, Some(&estimate), &voxels, &ious, patch, converging, metric),
         mesh: MeshResult::new(&tetrahedra, &controls, metric),
         views,
         scale_mm_per_px,

@@ -4,6 +4,7 @@ use super::convergence::Convergence;
 use super::stand::ContactPatch;
 use crate::calibrate::{AxisMethod, Calibration};
 use crate::geometry::Aabb;
+use crate::hull::estimate::{Share, Signs, VolumeEstimate};
 use crate::hull::{Measures, VoxelCount};
 use crate::mesh::{Controls, Dihedral, TetMesh};
 use crate::silhouette::{Report, Stand, ViewQuality};
@@ -72,11 +73,21 @@ pub struct ViewResult {
     pub quality: Option<ViewQuality>,
 }
 
-/// The visual hull: an upper bound of the grain.
+/// The visual hull, an upper bound of the grain, and what it says of the grain's volume.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct HullResult {
     /// Volume, mm³; `null` where the cameras have no unit.
     pub volume_mm3: Option<f64>,
+    /// The grain's own volume above the pedestal, mm³, as likely too large as too small: the hull's without what it
+    /// fills of the hollows; `null` where the cameras have no unit, and for two poses together, whose hulls no one has
+    /// held against true volumes yet.
+    pub volume_estimate_mm3: Option<f64>,
+    /// Where the grain's own volume lies with 95 %, mm³; `null` where the estimate is.
+    pub volume_interval_mm3: Option<[f64; 2]>,
+    /// What that interval is made of: each part, and what it alone takes and adds, in words. Parts add up as squares.
+    pub volume_says: Vec<String>,
+    /// The signs of hollows that the estimate rests on; `null` where the cameras show no level slices all around.
+    pub volume_signs: Option<Signs>,
     /// How the volume was got.
     pub method: HullMethod,
     /// Volume by counting voxels, as the paper does, mm³.
@@ -118,9 +129,11 @@ pub struct Agreement {
 }
 
 impl HullResult {
+    #[allow(clippy::too_many_arguments, reason = "each is another room's figure")]
     pub(super) fn new(
         m: &Measures,
         (method, volume_mm3): (HullMethod, f64),
+        estimate: Option<&VolumeEstimate>,
         v: &VoxelCount,
         ious: &[f64],
         contact_patch: Option<ContactPatch>,
@@ -130,6 +143,10 @@ impl HullResult {
         let stated = |x: f64| metric.then_some(x);
         Self {
             volume_mm3: stated(volume_mm3),
+            volume_estimate_mm3: estimate.and_then(|e| stated(e.volume_mm3)),
+            volume_interval_mm3: estimate.filter(|_| metric).map(|e| e.interval_mm3),
+            volume_says: estimate.map_or_else(Vec::new, |e| e.shares.iter().map(said).collect()),
+            volume_signs: estimate.and_then(|e| e.signs),
             method,
             voxel_volume_mm3: stated(v.volume_mm3),
             voxel_mm: stated(v.voxel_mm),
@@ -143,6 +160,16 @@ impl HullResult {
             convergence: if metric { convergence } else { Vec::new() },
         }
     }
+}
+
+/// A part of the interval in words.
+fn said(share: &Share) -> String {
+    let [below, above] = share.percent;
+    if below == 0.0 && above == 0.0 {
+        return share.what.clone();
+    }
+    // A minus sign, as a person writes it.
+    format!("{}: −{:.1} % to +{above:.1} %", share.what, below.abs())
 }
 
 /// The mesh, its size and quality.
