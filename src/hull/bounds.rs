@@ -1,7 +1,7 @@
 //! A box around the hull before any grid exists.
 
 use super::{Cone, HullError, cone::Side};
-use crate::geometry::{Aabb, Point, Projection, Vector};
+use crate::geometry::{Aabb, Point, Vector};
 use nalgebra::{Matrix3, Vector3};
 
 /// Cells along an edge of the coarse search.
@@ -61,7 +61,7 @@ fn looked_at(cones: &[Cone], middles: &[[f64; 2]]) -> Option<Point> {
     let mut a = Matrix3::zeros();
     let mut b = Vector3::zeros();
     for (c, m) in cones.iter().zip(middles) {
-        let (p, d) = ray(c.projection(), *m)?;
+        let (p, d) = c.projection().line_of_sight(*m)?;
         let across = Matrix3::identity() - d * d.transpose();
         a += across;
         b += across * p.coords;
@@ -69,23 +69,6 @@ fn looked_at(cones: &[Cone], middles: &[[f64; 2]]) -> Option<Point> {
     // One eigenvalue near zero: a single direction of view. Any place along it serves for a first box.
     let regularised = a + Matrix3::identity() * (1e-9 * a.trace());
     regularised.try_inverse().map(|inverse| Point::from(inverse * b))
-}
-
-/// The ray through a pixel: a place on it and its unit direction.
-fn ray(projection: &Projection, [u, v]: [f64; 2]) -> Option<(Point, Vector)> {
-    let m = &projection.matrix;
-    let plane = |row: usize, c: f64| {
-        let r = m.row(row) - m.row(2) * c;
-        (Vector::new(r[0], r[1], r[2]), r[3])
-    };
-    let ((n1, c1), (n2, c2)) = (plane(0, u), plane(1, v));
-    let d = n1.cross(&n2);
-    let length2 = d.norm_squared();
-    if length2 == 0.0 || !length2.is_finite() {
-        return None;
-    }
-    let p = (n2.cross(&d) * -c1 + d.cross(&n1) * -c2) / length2;
-    Some((Point::from(p), d / length2.sqrt()))
 }
 
 /// The box of the coarse cells that no view removes, or `None` where all go.
