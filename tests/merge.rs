@@ -5,17 +5,18 @@ mod kit;
 use grainrig::acquire::Control;
 use grainrig::config::Config;
 use grainrig::daemon::{self, DaemonError, MergeFinished, Watcher};
-use grainrig::geometry::{Point, Vector};
+use grainrig::geometry::{Angle, Point, Projection, Vector};
 use grainrig::pipeline::PipelineError;
 use grainrig::register::RegisterError;
-use grainrig::rig::simulated::{self, Settings};
+use grainrig::rig::simulated::{self, Coverage, Settings};
 use kit::{Lab, Ran};
 use nalgebra::{Matrix3, Rotation3};
+use rayon::prelude::*;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Six real grains; where they are not there, as many built-in ones.
+/// Every real grain of the folder; where it is not there, six built-in ones.
 fn grains() -> Vec<Settings> {
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/grains"));
     if !folder.is_dir() {
@@ -24,11 +25,13 @@ fn grains() -> Vec<Settings> {
     }
     let names = [
         "sand_ma107_00002",
+        "lsdem_sand",
         "sand_ma107_00107",
         "gravel_az_00002",
         "ct_cement140_02210",
         "ct_ma160_00357",
-        "lsdem_sand",
+        "ct_ma160_00593",
+        "ct_ma160_02444",
     ];
     (names.iter().zip(1..))
         .map(|(name, seed)| {
@@ -46,6 +49,79 @@ fn small() -> Settings {
 /// The same grain, tipped over to one side and turned about the upright axis by an angle that nobody notes.
 fn remounted(settings: &Settings, turn_deg: f64) -> Settings {
     Settings { grain_rotation_deg: [90.0, 0.0, turn_deg], eccentricity_mm: [-0.02, 0.04], ..settings.clone() }
+}
+
+/// The grain laid flat, its shortest principal axis upright, and then stood up, its longest axis upright: the two
+/// poses, 90° apart, in which people mount a grain.
+fn flat_and_upright(settings: &Settings, turn_deg: f64) -> (Settings, Settings) {
+    let handle = simulated::open(settings).unwrap().2;
+    let points = &handle.truth_mesh().vertices;
+    let middle = points.iter().map(|p| p.coords).sum::<Vector>() / points.len() as f64;
+    let spread: Matrix3<f64> =
+        points.iter().map(|p| p.coords - middle).map(|d| d * d.transpose()).sum::<Matrix3<f64>>();
+    let eigen = spread.symmetric_eigen();
+    let mut order = [0, 1, 2];
+    order.sort_by(|i, j| eigen.eigenvalues[*i].total_cmp(&eigen.eigenvalues[*j]));
+    let [short, middling, long] = order.map(|i| eigen.eigenvectors.column(i).into_owned());
+    // Rows are where x, y and z come from; a rotation, not a mirror.
+    let standing = |x: Vector, up: Vector| {
+        let rows = [x, up.cross(&x), up].map(|v| v.transpose());
+        let turn = Rotation3::from_axis_angle(&Vector::z_axis(), turn_deg.to_radians());
+        let (roll, pitch, yaw) =
+            (turn * Rotation3::from_matrix_unchecked(Matrix3::from_rows(&rows))).euler_angles();
+        Settings { grain_rotation_deg: [roll, pitch, yaw].map(f64::to_degrees), ..settings.clone() }
+    };
+    let upright = Settings { eccentricity_mm: [-0.02, 0.04], ..standing(middling, long) };
+    (standing(long, short), upright)
+}
+
+/// Whether at least half of the pixel that a place falls into is covered.
+fn covered(mask: &Coverage, pixel: [f64; 2]) -> bool {
+    let [column, row] = [0, 1].map(|i| pixel[i].round() - mask.window.origin[i] as f64);
+    let [width, height] = mask.window.size;
+    let inside = (0.0..width as f64).contains(&column) && (0.0..height as f64).contains(&row);
+    inside && mask.coverage[row as usize * width + column as usize] >= 0.5
+}
+
+/// By how much the hull of perfect silhouettes, 25 of each pose and each only above its pedestal, exceeds the grain where
+/// the motion between the poses is known exactly: what no registration can better. Voxels, each looked up in every
+/// silhouette.
+fn ideal_excess(a: &Settings, b: &Settings) -> f64 {
+    const CELLS: usize = 110;
+    let scenes = [a, b].map(|settings| {
+        let handle = simulated::open(settings).unwrap().2;
+        let views: Vec<_> = (0..25)
+            .map(|k| Angle::from_deg(7.2 * f64::from(k)))
+            .map(|angle| (handle.projection(angle, 0.0), handle.true_silhouette(angle, 0.0)))
+            .collect();
+        let points = handle.truth_mesh().vertices.clone();
+        let middle = points.iter().map(|p| p.coords).sum::<Vector>() / points.len() as f64;
+        (views, middle, handle.truth().grain_volume_mm3, points)
+    });
+    let b_from_a = turn(b) * turn(a).inverse();
+    let [(views_a, middle_a, volume, points), (views_b, middle_b, ..)] = &scenes;
+    let reach = points.iter().map(|p| (p.coords - middle_a).norm()).fold(0.0, f64::max);
+    let cell = 2.0 * reach / CELLS as f64;
+    let at = |i: usize| (i as f64 + 0.5) * cell - reach;
+    // Below its pedestal's top a pose sees nothing; a place that neither sees belongs to no hull.
+    let seen = |views: &[(Projection, Coverage)], p: Vector| {
+        views.iter().all(|(camera, mask)| covered(mask, camera.project(&Point::from(p)).unwrap()))
+    };
+    let inside: usize = (0..CELLS)
+        .into_par_iter()
+        .map(|k| {
+            (0..CELLS * CELLS)
+                .map(|ij| Vector::new(at(ij % CELLS), at(ij / CELLS), at(k)))
+                .filter(|d| {
+                    let (p, q) = (middle_a + d, middle_b + b_from_a * d);
+                    (p.z >= 0.0 || q.z >= 0.0)
+                        && (p.z < 0.0 || seen(views_a, p))
+                        && (q.z < 0.0 || seen(views_b, q))
+                })
+                .count()
+        })
+        .sum();
+    inside as f64 * cell.powi(3) / volume - 1.0
 }
 
 fn config(simulated: &Settings) -> Config {
@@ -104,45 +180,61 @@ fn motion_error(a: &Settings, b: &Settings, done: &MergeFinished, origins: [f64;
     (apart.to_degrees(), off / a.mm_per_px)
 }
 
-/// What silhouettes from all sides leave, a hollow, no second pose can take; nor a flat foot that only the other pose
-/// sees, and that one only from the nearest of its views.
+/// A grain is captured lying flat and then standing up. How much closer the second pose can bring the hull is the
+/// grain's own matter: a hollow that no outline shows stays filled. So both are held: near what perfect silhouettes give,
+/// and the excess halved.
 #[test]
-fn a_second_pose_takes_about_half_of_the_excess_away() {
+fn a_second_pose_takes_more_than_half_of_the_excess_away() {
     println!("excess of the hull over the true grain; error of the motion at the worst place");
-    let (mut before, mut after) = (0.0, 0.0);
-    for (a, turned) in grains().into_iter().zip([37.0, -118.0, 201.0, 74.0, -15.0, 163.0]) {
-        let b = remounted(&a, turned);
+    let (mut before, mut after, mut best, mut halved) = (0.0, 0.0, 0.0, 0);
+    let all = grains();
+    for (settings, turned) in all.iter().zip([37.0, -118.0, 201.0, 74.0, -15.0, 163.0, 112.0, -64.0]) {
+        let (a, b) = flat_and_upright(settings, turned);
         let (done, origins) = merged(&a, &b).unwrap();
         let truth = [&a, &b].map(|s| simulated::open(s).unwrap().2.truth());
         let m = &done.result.merge;
-        let alone_a = m.a.volume_mm3 / truth[0].volume_above_pedestal_mm3 - 1.0;
-        let alone_b = m.b.volume_mm3 / truth[1].volume_above_pedestal_mm3 - 1.0;
+        let flat = m.a.volume_mm3 / truth[0].volume_above_pedestal_mm3 - 1.0;
+        let upright = m.b.volume_mm3 / truth[1].volume_above_pedestal_mm3 - 1.0;
         // The merged hull has the feet, which each pose hides from itself, as the other sees them.
         let excess = m.volume_mm3 / truth[0].grain_volume_mm3 - 1.0;
+        let ideal = ideal_excess(&a, &b);
         let (degrees, pixels) = motion_error(&a, &b, &done, origins);
         let name = a.grain_stl.as_ref().and_then(|p| p.file_stem()).map(|n| n.to_string_lossy().into_owned());
         println!(
-            "{:<20} a {:+.2} %, b {:+.2} %, merged {:+.2} %; {degrees:.3}°, {pixels:.2} px; unfilled {:.3} px (alone \
-             {:.3}), residual {:.3} px, next best turn {:.2} px; IoU at least {:.4}",
+            "{:<20} flat {:+.2} %, upright {:+.2} %, merged {:+.2} % (ideal {:+.2} %): {:.2} of flat; {degrees:.3}°, \
+             {pixels:.2} px; unfilled {:.3} px (alone {:.3}), residual {:.3} px, next best turn {:.2} px; IoU at least {:.4}",
             name.unwrap_or_else(|| format!("built-in {}", a.seed)),
-            100.0 * alone_a,
-            100.0 * alone_b,
+            100.0 * flat,
+            100.0 * upright,
             100.0 * excess,
+            100.0 * ideal,
+            excess / flat,
             m.unfilled.mean_px,
             m.unfilled_alone.mean_px,
             m.residual_px,
             m.rival.map_or(f64::NAN, |r| r.mean_px),
             done.result.result.hull.silhouette_iou.min,
         );
-        before += 0.5 * (alone_a + alone_b) / 6.0;
-        after += excess / 6.0;
-        assert!(excess < 0.75 * 0.5 * (alone_a + alone_b), "{excess} of {alone_a} and {alone_b}");
+        let share = 1.0 / all.len() as f64;
+        before += share * flat;
+        after += share * excess;
+        best += share * ideal;
+        halved += usize::from(excess < 0.5 * flat);
         assert!(excess > 0.0, "the merged hull must hold the grain: {excess}");
-        assert!(degrees < 0.5 && pixels < 1.0, "the motion is off by {degrees}°, {pixels} px");
+        assert!(excess < ideal + 0.015, "{excess} where perfect silhouettes leave {ideal}");
+        assert!(excess < 0.5 * flat || ideal > 0.45 * flat, "{excess} of {flat}, {ideal} is possible");
+        assert!(degrees < 0.5 && pixels < 2.0, "the motion is off by {degrees}°, {pixels} px");
         assert!(m.axes_apart_deg > 80.0, "{}", m.axes_apart_deg);
     }
-    println!("mean: one pose {:+.2} %, both {:+.2} %", 100.0 * before, 100.0 * after);
-    assert!(after < 0.6 * before, "{after} of {before}");
+    println!(
+        "mean: flat {:+.2} %, both {:+.2} % (ideal {:+.2} %), {:.2} of flat; under half on {halved} of {}",
+        100.0 * before,
+        100.0 * after,
+        100.0 * best,
+        after / before,
+        all.len()
+    );
+    assert!(after < 0.5 * before, "{after} of {before}");
 }
 
 #[test]
