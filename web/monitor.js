@@ -4,7 +4,7 @@
 import { ApiError, follow, post } from "./api.js";
 import { draw } from "./chart.js";
 import { make, part, write } from "./dom.js";
-import { duration, headlines, leaves, line, nextName, stageName, volume } from "./format.js";
+import { duration, figure, headlines, leaves, line, nextName, stageName, volume } from "./format.js";
 import { chooseParts, showPicture } from "./picture.js";
 import { files, showSessions } from "./sessions.js";
 import { fold, idle } from "./status.js";
@@ -122,16 +122,41 @@ function showRemaining() {
 
 function showHull() {
   const newest = status.hull.at(-1);
-  const result = /** @type {any} */ (status.result)?.hull?.volume_mm3;
-  if (result !== undefined) write(part("volume"), volume(result));
-  // One view bounds nothing along its own direction.
-  else write(part("volume"), typeof newest?.volume_mm3 === "number" ? volume(newest.volume_mm3) : "–");
+  const found = finished();
+  let shown = "–";
   let how = "";
-  if (result !== undefined) how = "of the finished hull: an upper bound";
-  else if (newest) how = `from ${newest.views} silhouette${newest.views === 1 ? "" : "s"} so far, coarsely; an upper bound`;
+  if (found?.estimate && found.interval) {
+    shown = volume(found.estimate);
+    how = `the grain’s, between ${figure(found.interval[0])} and ${volume(found.interval[1])}; of the hull, an upper bound, ${volume(found.volume)}`;
+  } else if (found) {
+    shown = volume(found.volume);
+    how = "of the finished hull: an upper bound";
+  } else if (newest) {
+    // One view bounds nothing along its own direction.
+    if (typeof newest.volume_mm3 === "number") shown = volume(newest.volume_mm3);
+    how = `from ${newest.views} silhouette${newest.views === 1 ? "" : "s"} so far, coarsely; an upper bound`;
+  }
+  write(part("volume"), shown);
   write(part("volume-how"), how);
-  draw(part("chart"), status.hull, status.views);
+  drawHull();
 }
+
+/**
+ * What the result says of the hull; `null` before there is one, or where the cameras have no unit.
+ * @returns {import("./chart.js").Finished|null}
+ */
+function finished() {
+  const hull = /** @type {any} */ (status.result)?.hull;
+  if (typeof hull?.volume_mm3 !== "number") return null;
+  return {
+    volume: hull.volume_mm3,
+    estimate: hull.volume_estimate_mm3 ?? null,
+    interval: hull.volume_interval_mm3 ?? null,
+    convergence: hull.convergence ?? [],
+  };
+}
+
+const drawHull = () => draw(part("chart"), status.hull, status.views, finished());
 
 function showResult() {
   const all = status.result === null ? [] : leaves(status.result).filter(({ path }) => !/^(view_details\.|products\.outline_)/.test(path));
@@ -233,7 +258,7 @@ function listen() {
   });
   part("problem-close").addEventListener("click", () => (part("problem").hidden = true));
   chooseParts(show);
-  new ResizeObserver(() => draw(part("chart"), status.hull, status.views)).observe(part("chart"));
+  new ResizeObserver(drawHull).observe(part("chart"));
   setInterval(showRemaining, 1000);
 }
 
