@@ -29,12 +29,16 @@ test: tools
 	$(CARGO) test $(FEATURES)
 	cd web && GRAINRIG_BIN=$(CURDIR)/target/debug/grainrig CHROMIUM="$$( $(FIND_BROWSER) )" npm test
 
-# What the tests need beside Rust and Node: CalculiX reads the decks, a browser opens the monitor. Where one cannot
+# What the tests need beside Rust and Node: CalculiX reads the decks, a browser opens the monitor, the controller's
+# firmware runs on a simulated chip. Where one cannot
 # be installed (no network, no rights) this says so, and the tests that need it say `skipped`.
 MISSING = { echo '*** $(1) could not be installed: tests that need it are skipped' >&2; }
 tools:
 	@command -v ccx >/dev/null || { echo 'installing calculix-ccx'; $(APT) update && $(APT) install -y calculix-ccx; } \
 		|| $(call MISSING,calculix-ccx)
+	@command -v avr-gcc >/dev/null && [ -e /usr/include/simavr/sim_avr.h ] \
+		|| { echo 'installing the chip simulator'; $(APT) update && $(APT) install -y gcc gcc-avr avr-libc binutils-avr \
+		libsimavr-dev libelf-dev; } || $(call MISSING,gcc-avr and libsimavr-dev)
 	@[ web/node_modules/.package-lock.json -nt web/package-lock.json ] || (cd web && npm ci --no-audit --no-fund) \
 		|| $(call MISSING,playwright-core)
 	@$(FIND_BROWSER) >/dev/null || { echo 'installing chromium'; $(APT) update && $(APT) install -y chromium; } || true

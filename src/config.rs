@@ -28,6 +28,8 @@ pub struct Config {
     pub report: ReportSettings,
     /// The simulated rig.
     pub simulated: rig::simulated::Settings,
+    /// The stepper controller with grainrig's firmware.
+    pub controller: rig::controller::Settings,
     /// The web service.
     pub serve: ServeSettings,
 }
@@ -38,6 +40,10 @@ pub struct Config {
 pub struct RigSettings {
     /// The kind of rig.
     pub kind: RigKind,
+    /// What turns the grain, of a hardware rig.
+    pub stage: StageKind,
+    /// What photographs it, of a hardware rig.
+    pub camera: CameraKind,
 }
 
 /// The kinds of rig.
@@ -45,6 +51,26 @@ pub struct RigSettings {
 #[serde(rename_all = "snake_case")]
 pub enum RigKind {
     /// A rendered grain on a computed stage: no hardware needed.
+    #[default]
+    Simulated,
+    /// A stage and a camera of this world.
+    Hardware,
+}
+
+/// What turns the grain.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StageKind {
+    /// A board with grainrig's firmware (`firmware/`), set in `[controller]`.
+    #[default]
+    Controller,
+}
+
+/// What photographs the grain.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CameraKind {
+    /// The simulated camera, which sees the grain at the angle that the stage says it reached: to try a stage out.
     #[default]
     Simulated,
 }
@@ -119,6 +145,16 @@ impl Config {
         self.computation().check().map_err(said)?;
         match self.rig.kind {
             RigKind::Simulated => self.simulated.check().map_err(said),
+            RigKind::Hardware => self.check_hardware(),
+        }
+    }
+
+    fn check_hardware(&self) -> Result<(), ConfigError> {
+        match self.rig.stage {
+            StageKind::Controller => self.controller.check().map_err(ConfigError::Value)?,
+        }
+        match self.rig.camera {
+            CameraKind::Simulated => self.simulated.check().map_err(|e| ConfigError::Value(e.to_string())),
         }
     }
 

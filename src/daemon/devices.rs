@@ -1,8 +1,9 @@
 //! The rig of a configuration, opened; and what is there to be opened.
 
-use crate::config::{Config, RigKind};
+use crate::config::{CameraKind, Config, RigKind, StageKind};
+use crate::geometry::Angle;
 use crate::rig::simulated::{self, TruthHandle};
-use crate::rig::{Camera, RigError, RotationStage};
+use crate::rig::{Camera, RigError, RotationStage, controller};
 use serde::Serialize;
 
 /// An open rig.
@@ -20,6 +21,45 @@ pub(super) fn open(config: &Config) -> Result<Rig, RigError> {
             let (stage, camera, truth) = simulated::open(&config.simulated)?;
             Ok(Rig { stage: Box::new(stage), camera: Box::new(camera), truth: Some(truth) })
         }
+        RigKind::Hardware => {
+            let stage: Box<dyn RotationStage> = match config.rig.stage {
+                StageKind::Controller => Box::new(controller::open(&config.controller)?),
+            };
+            match config.rig.camera {
+                CameraKind::Simulated => {
+                    let (_, camera, truth) = simulated::open(&config.simulated)?;
+                    let stage = Seen { stage, truth: truth.clone() };
+                    Ok(Rig { stage: Box::new(stage), camera: Box::new(camera), truth: Some(truth) })
+                }
+            }
+        }
+    }
+}
+
+/// A stage that the simulated camera sees turn.
+struct Seen {
+    stage: Box<dyn RotationStage>,
+    truth: TruthHandle,
+}
+
+impl Seen {
+    fn show(&self, reached: Angle) -> Angle {
+        self.truth.turn_to(reached);
+        reached
+    }
+}
+
+impl RotationStage for Seen {
+    fn home(&mut self) -> Result<Angle, RigError> {
+        self.stage.home().map(|reached| self.show(reached))
+    }
+
+    fn move_to(&mut self, target: Angle) -> Result<Angle, RigError> {
+        self.stage.move_to(target).map(|reached| self.show(reached))
+    }
+
+    fn describe(&self) -> String {
+        self.stage.describe()
     }
 }
 
@@ -42,6 +82,10 @@ pub struct DeviceLine {
 /// [`RigError`] where the configured rig can't be opened.
 pub fn devices(config: &Config) -> Result<Vec<DeviceLine>, RigError> {
     let rig = open(config)?;
-    let line = |role, name| DeviceLine { role, kind: "simulated", name, configured: true };
+    let kind = match config.rig.kind {
+        RigKind::Simulated => "simulated",
+        RigKind::Hardware => "hardware",
+    };
+    let line = |role, name| DeviceLine { role, kind, name, configured: true };
     Ok(vec![line("stage", rig.stage.describe()), line("camera", rig.camera.describe())])
 }

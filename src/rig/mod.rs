@@ -3,6 +3,8 @@
 //! The traits speak the field's verbs and know nothing of how a device was found. One thread owns each
 //! device; calls block.
 
+pub mod controller;
+mod serial;
 pub mod simulated;
 
 use crate::geometry::Angle;

@@ -98,6 +98,11 @@ impl TruthHandle {
         &self.scene.body
     }
 
+    /// Turns the table to a true angle: another stage than the simulated one carries the grain.
+    pub fn turn_to(&self, angle: Angle) {
+        lock(&self.shared).stage_angle = angle;
+    }
+
     /// The true camera at a true angle and with a view's own sideways shift (see [`Exposure`]).
     pub fn projection(&self, true_angle: Angle, wobble_px: f64) -> Projection {
         self.scene.optics.projection(true_angle, wobble_px)

@@ -1,0 +1,100 @@
+//! The stage: a thread of its own owns the controller, and speaks to it also while nobody wants anything.
+
+use super::machine::Machine;
+use super::settings::Settings;
+use crate::geometry::Angle;
+use crate::rig::{RigError, RotationStage};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// The stage on a serial line.
+pub struct ControllerStage {
+    limits: [Angle; 2],
+    about: String,
+    wanted: Option<Sender<Wanted>>,
+    reached: Receiver<Result<f64, RigError>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// What the thread is asked for.
+enum Wanted {
+    Home,
+    /// Degrees.
+    MoveTo(f64),
+}
+
+impl ControllerStage {
+    pub(super) fn open(settings: Settings) -> Result<Self, RigError> {
+        let limits = settings.limits_deg.map(Angle::from_deg);
+        // The firmware lets go where it hears nothing: a run may be paused for an hour.
+        let each = Duration::from_secs(u64::from(settings.silence_s.max(3)) / 3);
+        let machine = Machine::open(settings)?;
+        let about = machine.describe();
+        let (wanted, wants) = channel();
+        let (answer, reached) = channel();
+        let thread = std::thread::Builder::new()
+            .name("stage".into())
+            .spawn(move || serve(machine, each, &wants, &answer))
+            .map_err(|e| RigError::Device(format!("no thread for the stage: {e}")))?;
+        Ok(Self { limits, about, wanted: Some(wanted), reached, thread: Some(thread) })
+    }
+
+    fn ask(&self, wanted: Wanted) -> Result<Angle, RigError> {
+        let gone = || RigError::Device("the stage's thread has ended".into());
+        self.wanted.as_ref().ok_or_else(gone)?.send(wanted).map_err(|_| gone())?;
+        self.reached.recv().map_err(|_| gone())?.map(Angle::from_deg)
+    }
+}
+
+fn serve(
+    mut machine: Machine,
+    each: Duration,
+    wants: &Receiver<Wanted>,
+    answer: &Sender<Result<f64, RigError>>,
+) {
+    loop {
+        let done = match wants.recv_timeout(each) {
+            Ok(Wanted::Home) => machine.home(),
+            Ok(Wanted::MoveTo(deg)) => machine.move_to(deg),
+            Err(RecvTimeoutError::Timeout) => {
+                machine.keep_alive();
+                continue;
+            }
+            Err(RecvTimeoutError::Disconnected) => break,
+        };
+        if answer.send(done).is_err() {
+            break;
+        }
+    }
+    machine.release();
+}
+
+impl RotationStage for ControllerStage {
+    fn home(&mut self) -> Result<Angle, RigError> {
+        self.ask(Wanted::Home)
+    }
+
+    fn move_to(&mut self, target: Angle) -> Result<Angle, RigError> {
+        let [low, high] = self.limits;
+        // Written so that a NaN is refused.
+        if !(low..=high).contains(&target) {
+            return Err(RigError::OutOfLimits { asked: target, low, high });
+        }
+        self.ask(Wanted::MoveTo(target.deg()))
+    }
+
+    fn describe(&self) -> String {
+        self.about.clone()
+    }
+}
+
+impl Drop for ControllerStage {
+    /// Waits until the motor is let go.
+    fn drop(&mut self) {
+        self.wanted = None;
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}

@@ -1,0 +1,98 @@
+//! A serial port that is ours alone.
+
+use super::RigError;
+use rustix::fs::Access;
+use serialport::TTYPort;
+use std::collections::VecDeque;
+use std::io::{ErrorKind, Read, Write};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// How long a read waits for bytes before it looks at the clock again.
+const SLICE: Duration = Duration::from_millis(20);
+
+/// An open serial port. Whoever else opens it while it is held is refused.
+pub struct Port {
+    line: TTYPort,
+    waiting: VecDeque<u8>,
+}
+
+impl Port {
+    /// Opens a port: 8 data bits, no parity, one stop bit. On most boards that resets the controller.
+    ///
+    /// # Errors
+    /// [`RigError::Device`] where the port is not there, not permitted, or held: by whom is named.
+    pub fn open(path: &Path, baud: u32) -> Result<Self, RigError> {
+        let refused = |why: String| RigError::Device(format!("cannot open {}: {why}", path.display()));
+        if !path.exists() {
+            let remedy = "plug the controller in; `ls /dev/serial/by-id` shows its name";
+            return Err(refused(format!("it is not there; {remedy}")));
+        }
+        if rustix::fs::access(path, Access::READ_OK | Access::WRITE_OK).is_err() {
+            return Err(refused(
+                "permission denied; add yourself to the group that owns it (`ls -l` shows it, usually dialout) and log \
+                 in again, or install udev/60-grainrig.rules"
+                    .into(),
+            ));
+        }
+        // The crate asks the kernel for exclusive use, and locks it against those whom the kernel lets through (root).
+        let line = serialport::new(path.to_string_lossy(), baud)
+            .timeout(SLICE)
+            .open_native()
+            .map_err(|e| refused(format!("{e}{}", holder(path))))?;
+        Ok(Self { line, waiting: VecDeque::new() })
+    }
+
+    /// The next byte; `None` where none came before the deadline.
+    ///
+    /// # Errors
+    /// Where the device has gone.
+    pub fn byte(&mut self, deadline: Instant) -> Result<Option<u8>, std::io::Error> {
+        loop {
+            if let Some(byte) = self.waiting.pop_front() {
+                return Ok(Some(byte));
+            }
+            let mut some = [0; 256];
+            match self.line.read(&mut some) {
+                // A line that is there has bytes or times out.
+                Ok(0) => return Err(ErrorKind::UnexpectedEof.into()),
+                Ok(n) => self.waiting.extend(&some[..n]),
+                Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {
+                    if Instant::now() >= deadline {
+                        return Ok(None);
+                    }
+                }
+                Err(e) => return Err(e),
+            }
+        }
+    }
+
+    /// Sends bytes.
+    ///
+    /// # Errors
+    /// Where the device has gone.
+    pub fn send(&mut self, bytes: &[u8]) -> Result<(), std::io::Error> {
+        self.line.write_all(bytes)
+    }
+}
+
+/// Who has the port open, as far as this user may see: ` (minicom, process 123)`.
+fn holder(path: &Path) -> String {
+    let Ok(device) = std::fs::canonicalize(path) else { return String::new() };
+    let Ok(processes) = std::fs::read_dir("/proc") else { return String::new() };
+    let own = std::process::id().to_string();
+    for process in processes.flatten() {
+        let name = process.file_name();
+        let id = name.to_string_lossy();
+        if id == own || !id.bytes().all(|b| b.is_ascii_digit()) {
+            continue;
+        }
+        let Ok(files) = std::fs::read_dir(process.path().join("fd")) else { continue };
+        let holds = files.flatten().any(|f| std::fs::read_link(f.path()).is_ok_and(|to| to == device));
+        if holds {
+            let command = std::fs::read_to_string(process.path().join("comm")).unwrap_or_default();
+            return format!(" ({}, process {id}); end it first", command.trim());
+        }
+    }
+    String::new()
+}
