@@ -4,6 +4,8 @@
 //! device; calls block.
 
 pub mod controller;
+pub mod gphoto;
+mod holder;
 mod serial;
 pub mod simulated;
 

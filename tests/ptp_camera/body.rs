@@ -135,6 +135,8 @@ pub struct Body {
     pub objects: BTreeMap<u32, Object>,
     next: u32,
     refusals: usize,
+    /// The last release found no room.
+    full: bool,
     properties: BTreeMap<u16, Property>,
     listener: Option<Sender<(Instant, Bytes)>>,
     listeners: usize,
@@ -159,6 +161,7 @@ impl Body {
             objects,
             next: 0x10,
             refusals: 0,
+            full: false,
             properties: properties.into(),
             listener: None,
             listeners: 0,
@@ -222,7 +225,7 @@ impl Body {
         };
         match self.spoils(number, first) {
             Some(Fault::Busy) => return Err(Answer::code(code::BUSY)),
-            Some(Fault::FullCard) => return Err(Answer::code(code::STORE_FULL)),
+            Some(Fault::FullCard) => return Err(self.no_room()),
             Some(Fault::Stall) => return Err(Answer::Silence),
             Some(Fault::NoEvent) => return Err(Answer::ok()),
             Some(Fault::Die { refusals }) => {
@@ -233,7 +236,7 @@ impl Body {
             _ => {}
         }
         if self.pictures().len() >= self.setup.capacity {
-            return Err(Answer::code(code::STORE_FULL));
+            return Err(self.no_room());
         }
         let slow = match self.spoils(number, |f| matches!(f, Fault::Slow(_))) {
             Some(Fault::Slow(by)) => by,
@@ -266,6 +269,11 @@ impl Body {
         Ok(Taken { files, complete })
     }
 
+    fn no_room(&mut self) -> Answer {
+        self.full = true;
+        Answer::code(code::STORE_FULL)
+    }
+
     fn add(&mut self, number: usize, ending: &str, format: u16, data: Vec<u8>) -> u32 {
         let handle = self.next;
         self.next += 1;
@@ -284,9 +292,9 @@ impl Body {
             0x1002 | 0x1003 => Answer::ok(),
             0x1004 | 0x9101 => Answer::data(Bytes::new().array32(&[STORE])),
             0x1005 | 0x9102 => {
-                let free = 31 << 30;
+                let free = if self.full { 0 } else { 31 << 30 };
                 let kinds = Bytes::new().u16(3).u16(2).u16(0).u64(32 << 30).u64(free);
-                Answer::data(kinds.u32(9999).string("SD").string("SIMCARD"))
+                Answer::data(kinds.u32(if self.full { 0 } else { 9999 }).string("SD").string("SIMCARD"))
             }
             0x1006 => Answer::value(self.handles(parameters).len() as u32),
             0x1007 => Answer::data(Bytes::new().array32(&self.handles(parameters))),
@@ -295,7 +303,10 @@ impl Body {
                 object.map_or(Answer::code(code::NO_SUCH_OBJECT), |o| Answer::data(Bytes(o.data.clone())))
             }
             0x100a => Answer::code(code::NO_THUMBNAIL),
-            0x100b => Answer::code(self.objects.remove(&first).map_or(code::NO_SUCH_OBJECT, |_| code::OK)),
+            0x100b => {
+                self.full = false;
+                Answer::code(self.objects.remove(&first).map_or(code::NO_SUCH_OBJECT, |_| code::OK))
+            }
             0x101b => object.map_or(Answer::code(code::NO_SUCH_OBJECT), |o| {
                 let [from, most] = [1, 2].map(|i| parameters.get(i).copied().unwrap_or(0) as usize);
                 let part = &o.data[from.min(o.data.len())..(from + most).min(o.data.len())];

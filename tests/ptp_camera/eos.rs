@@ -45,6 +45,8 @@ struct Change {
     due: Instant,
     kind: u32,
     body: Bytes,
+    /// The property whose value is told, as it is when the computer asks.
+    property: Option<u32>,
 }
 
 /// Canon's part of the body.
@@ -87,12 +89,13 @@ impl Eos {
     }
 
     fn change(&mut self, due: Instant, kind: u32, body: Bytes) {
-        self.changes.push(Change { due, kind, body });
+        self.changes.push(Change { due, kind, body, property: None });
     }
 
     fn show(&mut self, property: u32, after: Duration) {
-        let value = self.properties[&property].value;
-        self.change(Instant::now() + after, PROPERTY_CHANGED, Bytes::new().u32(property).u32(value));
+        let due = Instant::now() + after;
+        let body = Bytes::new().u32(property);
+        self.changes.push(Change { due, kind: PROPERTY_CHANGED, body, property: Some(property) });
     }
 
     fn set(&mut self, property: u32, value: u32, shows_after: Duration) {
@@ -104,7 +107,11 @@ impl Eos {
     fn poll(&mut self) -> Bytes {
         let now = Instant::now();
         let due: Vec<Change> = self.changes.extract_if(.., |c| c.due <= now).collect();
-        let one = |b: Bytes, c: &Change| b.u32(c.body.0.len() as u32 + 8).u32(c.kind).raw(&c.body.0);
+        let one = |b: Bytes, c: &Change| {
+            let value = c.property.map_or(Bytes::new(), |p| Bytes::new().u32(self.properties[&p].value));
+            let body = [&c.body.0[..], &value.0].concat();
+            b.u32(body.len() as u32 + 8).u32(c.kind).raw(&body)
+        };
         due.iter().fold(Bytes::new(), one).u32(8).u32(0)
     }
 
@@ -142,6 +149,10 @@ impl Eos {
             }
             0x9127 if !body.eos().properties.contains_key(&first) => Answer::code(code::GENERAL_ERROR),
             0x9128 => Self::press(body, first),
+            0x9152 => {
+                body.eos().set(VIEWFINDER_OUTPUT, 0, SHOWS_AFTER);
+                Answer::ok()
+            }
             0x9153 => Answer::code(code::BUSY),
             known if Self::OPERATIONS.contains(&known) => Answer::ok(),
             _ => Answer::code(code::NOT_SUPPORTED),
