@@ -30,6 +30,10 @@ pub struct Config {
     pub simulated: rig::simulated::Settings,
     /// The stepper controller with grainrig's firmware.
     pub controller: rig::controller::Settings,
+    /// A DSLR by libgphoto2.
+    pub gphoto2: rig::gphoto::Settings,
+    /// A video camera by V4L2.
+    pub v4l2: rig::v4l::Settings,
     /// The web service.
     pub serve: ServeSettings,
 }
@@ -64,6 +68,8 @@ pub enum StageKind {
     /// A board with grainrig's firmware (`firmware/`), set in `[controller]`.
     #[default]
     Controller,
+    /// The simulated stage, which turns nothing: to try a camera out.
+    Simulated,
 }
 
 /// What photographs the grain.
@@ -73,6 +79,10 @@ pub enum CameraKind {
     /// The simulated camera, which sees the grain at the angle that the stage says it reached: to try a stage out.
     #[default]
     Simulated,
+    /// A DSLR, set in `[gphoto2]`.
+    Gphoto2,
+    /// A video camera, set in `[v4l2]`.
+    V4l2,
 }
 
 /// The web service.
@@ -152,10 +162,14 @@ impl Config {
     fn check_hardware(&self) -> Result<(), ConfigError> {
         match self.rig.stage {
             StageKind::Controller => self.controller.check().map_err(ConfigError::Value)?,
+            StageKind::Simulated => self.simulated.check().map_err(|e| ConfigError::Value(e.to_string()))?,
         }
         match self.rig.camera {
-            CameraKind::Simulated => self.simulated.check().map_err(|e| ConfigError::Value(e.to_string())),
+            CameraKind::Simulated => self.simulated.check(),
+            CameraKind::Gphoto2 => self.gphoto2.check(),
+            CameraKind::V4l2 => self.v4l2.check(),
         }
+        .map_err(|e| ConfigError::Value(e.to_string()))
     }
 
     /// This configuration with some keys set otherwise, for one run: `{"plan": {"views": 50}}`.
@@ -238,6 +252,16 @@ fn merge(into: &mut serde_json::Value, from: serde_json::Value) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_shipped_profile_of_a_camera_makes_sense() {
+        let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/canon-eos-60d.toml");
+        let mut config = Config::read(&shipped).unwrap();
+        assert_eq!((config.rig.kind, config.rig.camera), (RigKind::Hardware, CameraKind::Gphoto2));
+        // The stage's port is each laboratory's own.
+        config.rig.stage = StageKind::Simulated;
+        config.check().unwrap();
+    }
 
     #[test]
     fn the_shipped_configuration_is_the_default_and_unknown_keys_are_named() {

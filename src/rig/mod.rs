@@ -8,6 +8,7 @@ pub mod gphoto;
 mod holder;
 mod serial;
 pub mod simulated;
+pub mod v4l;
 
 use crate::geometry::Angle;
 use serde::{Deserialize, Serialize};

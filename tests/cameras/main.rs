@@ -11,3 +11,5 @@ mod network;
 #[cfg(feature = "gphoto2")]
 #[path = "../ptp_camera/mod.rs"]
 mod ptp_camera;
+#[cfg(feature = "v4l")]
+mod video;
