@@ -220,7 +220,7 @@ mod tests {
         let settings = Settings { retry_s: vec![0.0], start_s: 0.1, ..Settings::default() };
         // One ends at once, one says something else, one says nothing at all, one is not there.
         for program in ["/bin/true", "/bin/ls", "/bin/cat", "/nonexistent"] {
-            let launch = Launch { program: program.into(), environment: Vec::new() };
+            let launch = Launch { program: program.into() };
             let Err(RigError::Suspended { cause, remedy, .. }) = GphotoCamera::open(&settings, launch) else {
                 panic!("{program} opened")
             };
