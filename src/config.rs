@@ -30,6 +30,8 @@ pub struct Config {
     pub simulated: rig::simulated::Settings,
     /// The stepper controller with grainrig's firmware.
     pub controller: rig::controller::Settings,
+    /// A board with GRBL.
+    pub grbl: rig::grbl::Settings,
     /// The web service.
     pub serve: ServeSettings,
 }
@@ -64,6 +66,8 @@ pub enum StageKind {
     /// A board with grainrig's firmware (`firmware/`), set in `[controller]`.
     #[default]
     Controller,
+    /// A board with GRBL 1.1, set in `[grbl]`.
+    Grbl,
 }
 
 /// What photographs the grain.
@@ -152,6 +156,7 @@ impl Config {
     fn check_hardware(&self) -> Result<(), ConfigError> {
         match self.rig.stage {
             StageKind::Controller => self.controller.check().map_err(ConfigError::Value)?,
+            StageKind::Grbl => self.grbl.check().map_err(ConfigError::Value)?,
         }
         match self.rig.camera {
             CameraKind::Simulated => self.simulated.check().map_err(|e| ConfigError::Value(e.to_string())),

@@ -3,7 +3,7 @@
 use crate::config::{CameraKind, Config, RigKind, StageKind};
 use crate::geometry::Angle;
 use crate::rig::simulated::{self, TruthHandle};
-use crate::rig::{Camera, RigError, RotationStage, controller};
+use crate::rig::{Camera, RigError, RotationStage, controller, grbl};
 use serde::Serialize;
 
 /// An open rig.
@@ -24,6 +24,7 @@ pub(super) fn open(config: &Config) -> Result<Rig, RigError> {
         RigKind::Hardware => {
             let stage: Box<dyn RotationStage> = match config.rig.stage {
                 StageKind::Controller => Box::new(controller::open(&config.controller)?),
+                StageKind::Grbl => Box::new(grbl::open(&config.grbl)?),
             };
             match config.rig.camera {
                 CameraKind::Simulated => {

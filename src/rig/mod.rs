@@ -4,6 +4,7 @@
 //! device; calls block.
 
 pub mod controller;
+pub mod grbl;
 mod serial;
 pub mod simulated;
 
