@@ -30,6 +30,8 @@ pub struct Config {
     pub simulated: rig::simulated::Settings,
     /// The stepper controller with grainrig's firmware.
     pub controller: rig::controller::Settings,
+    /// A board with GRBL.
+    pub grbl: rig::grbl::Settings,
     /// A DSLR by libgphoto2.
     pub gphoto2: rig::gphoto::Settings,
     /// A video camera by V4L2.
@@ -68,6 +70,8 @@ pub enum StageKind {
     /// A board with grainrig's firmware (`firmware/`), set in `[controller]`.
     #[default]
     Controller,
+    /// A board with GRBL 1.1, set in `[grbl]`.
+    Grbl,
     /// The simulated stage, which turns nothing: to try a camera out.
     Simulated,
 }
@@ -162,6 +166,7 @@ impl Config {
     fn check_hardware(&self) -> Result<(), ConfigError> {
         match self.rig.stage {
             StageKind::Controller => self.controller.check().map_err(ConfigError::Value)?,
+            StageKind::Grbl => self.grbl.check().map_err(ConfigError::Value)?,
             StageKind::Simulated => self.simulated.check().map_err(|e| ConfigError::Value(e.to_string()))?,
         }
         match self.rig.camera {

@@ -5,7 +5,7 @@ use crate::geometry::Angle;
 use crate::rig::gphoto::{GphotoCamera, Launch};
 use crate::rig::simulated::{self, TruthHandle};
 use crate::rig::v4l::V4lCamera;
-use crate::rig::{Camera, RigError, RotationStage, controller};
+use crate::rig::{Camera, RigError, RotationStage, controller, grbl};
 use serde::Serialize;
 
 /// An open rig.
@@ -26,6 +26,7 @@ pub(super) fn open(config: &Config) -> Result<Rig, RigError> {
         RigKind::Hardware => {
             let stage: Box<dyn RotationStage> = match config.rig.stage {
                 StageKind::Controller => Box::new(controller::open(&config.controller)?),
+                StageKind::Grbl => Box::new(grbl::open(&config.grbl)?),
                 StageKind::Simulated => Box::new(simulated::open(&config.simulated)?.0),
             };
             match config.rig.camera {
@@ -35,10 +36,7 @@ pub(super) fn open(config: &Config) -> Result<Rig, RigError> {
                     Ok(Rig { stage: Box::new(stage), camera: Box::new(camera), truth: Some(truth) })
                 }
                 CameraKind::Gphoto2 => {
-                    let unnamed =
-                        |e| RigError::Device(format!("this program does not know its own file: {e}"));
-                    let launch = Launch::this_program().map_err(unnamed)?;
-                    let camera = Box::new(GphotoCamera::open(&config.gphoto2, launch)?);
+                    let camera = Box::new(GphotoCamera::open(&config.gphoto2, Launch::this_program())?);
                     Ok(Rig { stage, camera, truth: None })
                 }
                 CameraKind::V4l2 => {

@@ -5,6 +5,7 @@
 
 pub mod controller;
 pub mod gphoto;
+pub mod grbl;
 mod holder;
 mod serial;
 pub mod simulated;

@@ -29,12 +29,9 @@ pub struct Launch {
 }
 
 impl Launch {
-    /// This program itself.
-    ///
-    /// # Errors
-    /// The system's reason why it does not say which file that is.
-    pub fn this_program() -> std::io::Result<Self> {
-        Ok(Self { program: std::env::current_exe()? })
+    /// This program itself: the very one that runs, though another version may have taken its place on the disk since.
+    pub fn this_program() -> Self {
+        Self { program: "/proc/self/exe".into() }
     }
 }
 
@@ -67,6 +64,7 @@ impl Worker {
         };
         let home = Home::make().map_err(failed)?;
         let mut child = Command::new(&launch.program)
+            .arg0("grainrig")
             .arg("camera-worker")
             // The library translates the names of choices otherwise.
             .envs([("LANGUAGE", "C"), ("LC_ALL", "C")])

@@ -2,6 +2,8 @@
 //! the one that the pins reached.
 
 mod board;
+mod conformance;
+mod grbl;
 #[path = "../kit/mod.rs"]
 mod kit;
 mod protocol;
@@ -33,7 +35,6 @@ fn settings(board: &Board) -> Settings {
         speed_deg_per_s: 450.0,
         acceleration_deg_per_s2: 9000.0,
         homing_deg_per_s: 180.0,
-        reply_ms: 100,
         ..Settings::default()
     }
 }
@@ -104,7 +105,7 @@ fn a_switch_that_says_nothing_is_an_error_that_says_what_to_check() {
     }
 }
 
-/// `GRAINRIG_MOVES=10000 cargo test --release --test controller noise -- --nocapture` makes as many.
+/// `GRAINRIG_MOVES=10000 cargo test --release --test stage noise -- --nocapture` makes as many.
 #[test]
 fn noise_on_the_line_costs_time_and_no_step() {
     let moves: usize = std::env::var("GRAINRIG_MOVES").map_or(150, |n| n.parse().unwrap());
