@@ -75,13 +75,9 @@ impl Network {
         Self { body, settings, scene }
     }
 
-    /// The real program is the camera's process.
-    pub fn launch(&self) -> Launch {
-        Launch { program: env!("CARGO_BIN_EXE_grainrig").into() }
-    }
-
+    /// Opens it; the real program is the camera's process.
     pub fn open(&self) -> Result<GphotoCamera, RigError> {
-        GphotoCamera::open(&self.settings, self.launch())
+        GphotoCamera::open(&self.settings, Launch { program: env!("CARGO_BIN_EXE_grainrig").into() })
     }
 
     pub fn look_at(&self, scene: usize) {
