@@ -1,10 +1,12 @@
 # grainrig: `make demo` and `make test` do all the set-up on a fresh Debian or Ubuntu that has Rust and Node.
-.PHONY: all demo test run check bench tools clean
+.PHONY: all demo test run check bench tools drivers clean
 .DEFAULT_GOAL := all
 
 CARGO ?= cargo
-# The drivers that need system libraries are off in a plain `cargo build`, and on here.
-FEATURES := --features gphoto2,v4l
+# The drivers that need system libraries are off in a plain `cargo build`, and on here where those can be had (looked at
+# after `drivers` has tried): libgphoto2 with its headers, and libclang, which reads the headers of both.
+HAVE_DRIVERS := pkg-config --exists libgphoto2 2>/dev/null && ls /usr/lib/llvm-*/lib/libclang*.so* >/dev/null 2>&1
+FEATURES = $(shell ($(HAVE_DRIVERS)) && echo --features gphoto2,v4l)
 BIN := target/release/grainrig
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 APT := $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get -qq -o Dpkg::Use-Pty=0
@@ -12,7 +14,7 @@ APT := $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get -qq -o Dpkg::Use-Pty=0
 FIND_BROWSER := (for b in chromium chromium-browser google-chrome; do \
 	$$b --version >/dev/null 2>&1 && command -v $$b && exit; done; exit 1)
 
-all:
+all: drivers
 	$(CARGO) build --release $(FEATURES)
 
 # A grain on the simulated rig: 25 views, hull, mesh, Abaqus input. Each run has a session of its own.
@@ -25,7 +27,7 @@ run: all
 	$(BIN) serve
 
 # Everything: units, properties, real data where it is, the real program with faults injected, CalculiX, a browser.
-test: tools
+test: tools drivers
 	$(CARGO) test $(FEATURES)
 	cd web && GRAINRIG_BIN=$(CURDIR)/target/debug/grainrig CHROMIUM="$$( $(FIND_BROWSER) )" npm test
 
@@ -45,8 +47,14 @@ tools:
 	@$(FIND_BROWSER) >/dev/null || (cd web && npx playwright-core install --with-deps chromium-headless-shell) \
 		|| $(call MISSING,a browser)
 
+# What the cameras' drivers are built with. `gcc` is also what a test makes its video camera with.
+drivers:
+	@{ $(HAVE_DRIVERS); } || { echo 'installing libgphoto2-dev, libclang-dev, pkg-config, gcc'; \
+		$(APT) update && $(APT) install -y libgphoto2-dev libclang-dev pkg-config gcc libc6-dev; } \
+		|| echo '*** libgphoto2-dev or libclang-dev could not be installed: this is built without drivers of cameras' >&2
+
 # Style, lints, documentation, licences; known vulnerabilities where the database can be reached.
-check:
+check: drivers
 	$(CARGO) fmt --check
 	$(CARGO) clippy --all-targets $(FEATURES) -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --no-deps --document-private-items $(FEATURES)

@@ -32,6 +32,10 @@ pub struct Config {
     pub controller: rig::controller::Settings,
     /// A board with GRBL.
     pub grbl: rig::grbl::Settings,
+    /// A DSLR by libgphoto2.
+    pub gphoto2: rig::gphoto::Settings,
+    /// A video camera by V4L2.
+    pub v4l2: rig::v4l::Settings,
     /// The web service.
     pub serve: ServeSettings,
 }
@@ -68,6 +72,8 @@ pub enum StageKind {
     Controller,
     /// A board with GRBL 1.1, set in `[grbl]`.
     Grbl,
+    /// The simulated stage, which turns nothing: to try a camera out.
+    Simulated,
 }
 
 /// What photographs the grain.
@@ -77,6 +83,10 @@ pub enum CameraKind {
     /// The simulated camera, which sees the grain at the angle that the stage says it reached: to try a stage out.
     #[default]
     Simulated,
+    /// A DSLR, set in `[gphoto2]`.
+    Gphoto2,
+    /// A video camera, set in `[v4l2]`.
+    V4l2,
 }
 
 /// The web service.
@@ -157,10 +167,14 @@ impl Config {
         match self.rig.stage {
             StageKind::Controller => self.controller.check().map_err(ConfigError::Value)?,
             StageKind::Grbl => self.grbl.check().map_err(ConfigError::Value)?,
+            StageKind::Simulated => self.simulated.check().map_err(|e| ConfigError::Value(e.to_string()))?,
         }
         match self.rig.camera {
-            CameraKind::Simulated => self.simulated.check().map_err(|e| ConfigError::Value(e.to_string())),
+            CameraKind::Simulated => self.simulated.check(),
+            CameraKind::Gphoto2 => self.gphoto2.check(),
+            CameraKind::V4l2 => self.v4l2.check(),
         }
+        .map_err(|e| ConfigError::Value(e.to_string()))
     }
 
     /// This configuration with some keys set otherwise, for one run: `{"plan": {"views": 50}}`.
@@ -243,6 +257,16 @@ fn merge(into: &mut serde_json::Value, from: serde_json::Value) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_shipped_profile_of_a_camera_makes_sense() {
+        let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/canon-eos-60d.toml");
+        let mut config = Config::read(&shipped).unwrap();
+        assert_eq!((config.rig.kind, config.rig.camera), (RigKind::Hardware, CameraKind::Gphoto2));
+        // The stage's port is each laboratory's own.
+        config.rig.stage = StageKind::Simulated;
+        config.check().unwrap();
+    }
 
     #[test]
     fn the_shipped_configuration_is_the_default_and_unknown_keys_are_named() {

@@ -1,12 +1,12 @@
 //! The journal and the folder of a session: whatever happens to the bytes, what is read is what was written.
 
 use grainrig::geometry::Angle;
-use grainrig::rig::{Encoding, Frame};
+use grainrig::rig::{Encoding, Frame, OtherFile};
 use grainrig::session::event::{CapturedView, Happening, Role};
 use grainrig::session::import::{ImportRequest, scan};
 use grainrig::session::journal::{Chain, Decoder};
 use grainrig::session::{
-    Manifest, Origin, Plan, PlannedView, Recording, Session, SessionError, State, Store, check_name,
+    Fault, Manifest, Origin, Plan, PlannedView, Recording, Session, SessionError, State, Store, check_name,
     check_space, free_bytes, required_bytes, verify,
 };
 use image::{DynamicImage, ImageFormat, RgbImage};
@@ -36,7 +36,7 @@ fn frame(shade: u8) -> Frame {
     let mut out = Cursor::new(Vec::new());
     let picture = RgbImage::from_pixel(16, 8, image::Rgb([shade; 3]));
     DynamicImage::from(picture).write_to(&mut out, ImageFormat::Png).unwrap();
-    Frame { bytes: out.into_inner(), encoding: Encoding::Png }
+    Frame::new(out.into_inner(), Encoding::Png)
 }
 
 fn names(folder: &Path) -> Vec<String> {
@@ -68,6 +68,7 @@ fn happening() -> impl Strategy<Value = Happening> {
                     sha256: "0".repeat(64),
                     commanded_deg: deg,
                     reached_deg: -deg,
+                    others: Vec::new(),
                 },
                 remaining_s,
             }
@@ -220,6 +221,29 @@ fn a_picture_that_was_written_but_not_journalled_is_taken_again_under_its_name()
     session.record_frame(0, Angle::default(), &frame(9), None).unwrap();
     assert_eq!(std::fs::read(&file).unwrap(), frame(9).bytes);
     assert!(verify(&store.folder("a").unwrap()).unwrap().is_sound());
+}
+
+#[test]
+fn raw_files_are_archived_and_checked_beside_their_picture_and_may_not_name_a_place() {
+    let (_dir, store) = store();
+    let mut session = store.create(&manifest(2)).unwrap();
+    let other = |extension: &str, byte| OtherFile { extension: extension.into(), bytes: vec![byte; 9] };
+    let picture = Frame { others: vec![other("cr2", 1), other("cr2", 2), other("xmp", 3)], ..frame(7) };
+    let view = session.record_frame(0, Angle::default(), &picture, None).unwrap();
+    let files: Vec<&str> = view.others.iter().map(|o| o.file.as_str()).collect();
+    assert_eq!(files, ["view_000_raw.cr2", "view_000_raw_2.cr2", "view_000_raw.xmp"]);
+    let folder = session.recording().folder().to_owned();
+    assert_eq!(std::fs::read(folder.join("frames").join(files[1])).unwrap(), [2; 9]);
+    let outside = Frame { others: vec![other("/../../x", 1)], ..frame(8) };
+    assert!(session.record_frame(1, Angle::default(), &outside, None).is_err());
+    drop(session);
+    assert!(verify(&folder).unwrap().is_sound());
+    std::fs::write(folder.join("frames/view_000_raw.xmp"), [3; 8]).unwrap();
+    let faults = verify(&folder).unwrap().faults;
+    assert!(
+        matches!(&faults[..], [Fault::Changed { file, .. }] if file == "frames/view_000_raw.xmp"),
+        "{faults:?}"
+    );
 }
 
 #[test]

@@ -19,7 +19,8 @@ use std::time::Duration;
 /// ```
 ///
 /// A view of which every picture was no good suspends a run that is attended: it pauses, and goes on with this view.
-/// One that nobody attends fails.
+/// One that nobody attends fails. So it is with a camera that gives no picture, but that the run tries it again by
+/// itself after a while.
 ///
 /// A whole picture is stored before a run pauses or is aborted. Aborted and failed runs keep what is
 /// captured; a new run goes on with the missing views, from Idle.
@@ -154,10 +155,19 @@ impl Control {
         self.lock().0 == Wish::Abort
     }
 
-    /// Waits until the run may go on, or is aborted.
-    pub(super) fn wait_while_paused(&self) {
-        let state = self.shared.changed.wait_while(self.lock(), |s| s.0 == Wish::Pause);
-        drop(state.unwrap_or_else(PoisonError::into_inner));
+    /// Waits until the run may go on, or is aborted; where there is a limit, it may go on after that.
+    pub(super) fn wait_while_paused(&self, limit: Option<Duration>) {
+        let (state, paused) = (self.lock(), |s: &mut (Wish, Phase)| s.0 == Wish::Pause);
+        let Some(limit) = limit else {
+            let state = self.shared.changed.wait_while(state, paused);
+            drop(state.unwrap_or_else(PoisonError::into_inner));
+            return;
+        };
+        let waited = self.shared.changed.wait_timeout_while(state, limit, paused);
+        let (mut state, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        if state.0 == Wish::Pause {
+            state.0 = Wish::Go;
+        }
     }
 
     /// Waits for an abort, `time` at most.

@@ -5,7 +5,7 @@ use super::control::{Control, Phase};
 use super::error::AcquireError;
 use super::sink::FrameSink;
 use crate::geometry::Angle;
-use crate::rig::{Camera, Frame, RotationStage};
+use crate::rig::{Camera, Frame, RigError, RotationStage};
 use crate::session::event::Happening;
 use crate::session::picture::{Size, probe};
 use crate::session::{Plan, PlannedView};
@@ -52,6 +52,7 @@ pub fn run(
         frame: None,
         captured: 0,
         began: None,
+        retry: None,
     };
     let mut phase = Phase::Idle;
     loop {
@@ -92,6 +93,8 @@ struct Run<'a> {
     captured: usize,
     /// When the first view began, moved on by the time that the run was paused since.
     began: Option<Duration>,
+    /// After how long a run that waits for its camera goes on by itself.
+    retry: Option<Duration>,
 }
 
 impl Run<'_> {
@@ -106,7 +109,7 @@ impl Run<'_> {
             let from = self.clock.now();
             self.sink.event(Happening::Paused)?;
             self.control.enter(Phase::Paused);
-            self.control.wait_while_paused();
+            self.control.wait_while_paused(self.retry.take());
             if !self.control.is_aborting() {
                 self.sink.event(Happening::Resumed)?;
                 self.control.enter(phase);
@@ -183,7 +186,10 @@ impl Run<'_> {
     }
 
     fn expose(&mut self, view: usize, bad: u32) -> Result<Phase, AcquireError> {
-        let mut frame = self.camera.capture().map_err(|source| AcquireError::Camera { view, source })?;
+        let mut frame = match self.camera.capture() {
+            Ok(frame) => frame,
+            Err(source) => return self.no_picture(view, source),
+        };
         let (encoding, size) = match probe(&frame.bytes, self.size) {
             Ok(found) => found,
             Err(fault) => {
@@ -214,6 +220,19 @@ impl Run<'_> {
         Ok(Phase::Storing { view })
     }
 
+    /// The camera gave no picture. A run that is attended waits until somebody lets it go on or it is time to try again.
+    fn no_picture(&mut self, view: usize, source: RigError) -> Result<Phase, AcquireError> {
+        match source {
+            RigError::Suspended { retry, .. } if self.control.is_attended() => {
+                self.sink.event(Happening::Suspended { view, cause: source.to_string() })?;
+                self.control.pause();
+                self.retry = Some(retry);
+                Ok(Phase::Exposing { view, bad: 0 })
+            }
+            source => Err(AcquireError::Camera { view, source }),
+        }
+    }
+
     /// A picture is no use: journalled with its cause. The phase in which it is taken again, where it may be.
     fn reject(&mut self, view: usize, bad: u32, cause: &str) -> Result<Option<Phase>, AcquireError> {
         let tries = bad + 1;
@@ -227,6 +246,7 @@ impl Run<'_> {
             let busy = self.began.map(|t| self.clock.now().saturating_sub(t).as_secs_f64());
             let remaining_s = busy.map(|s| s / self.captured as f64 * self.missing.len() as f64);
             self.sink.store(view, self.reached, frame, remaining_s)?;
+            self.camera.kept();
         }
         Ok(())
     }

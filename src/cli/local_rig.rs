@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Settings that belong to whoever runs the daemon: how it is reached, and files of its computer.
-const NOT_A_CLIENTS: [&str; 2] = ["/serve", "/simulated/grain_stl"];
+const NOT_A_CLIENTS: [&str; 5] =
+    ["/serve", "/simulated/grain_stl", "/gphoto2/port", "/gphoto2/model", "/v4l2/device"];
 
 /// The host as the server sees it.
 pub(super) struct LocalRig {

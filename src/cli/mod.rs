@@ -117,6 +117,9 @@ enum Command {
     Study(study::Arguments),
     /// Show which devices are there.
     Devices,
+    /// The process in which a DSLR is driven; started by this program.
+    #[command(hide = true)]
+    CameraWorker,
 }
 
 /// What becomes of a picture that is no good.
@@ -143,6 +146,9 @@ impl From<Quality> for QualityMode {
 /// Parses the command line and runs one command; 0 is success, 1 failure, 2 usage.
 pub fn run() -> ExitCode {
     let cli = Cli::parse();
+    if let Command::CameraWorker = cli.command {
+        return crate::rig::gphoto::worker::run();
+    }
     tracing_subscriber::fmt()
         .with_env_filter(
             tracing_subscriber::EnvFilter::try_from_env("GRAINRIG_LOG")
@@ -178,6 +184,7 @@ pub fn run() -> ExitCode {
         Command::Calibrate(a) => calibrate::run(common, a),
         Command::Study(a) => study::run(common, &a),
         Command::Devices => devices::run(common),
+        Command::CameraWorker => Ok(()),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

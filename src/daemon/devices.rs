@@ -2,7 +2,9 @@
 
 use crate::config::{CameraKind, Config, RigKind, StageKind};
 use crate::geometry::Angle;
+use crate::rig::gphoto::{GphotoCamera, Launch};
 use crate::rig::simulated::{self, TruthHandle};
+use crate::rig::v4l::V4lCamera;
 use crate::rig::{Camera, RigError, RotationStage, controller, grbl};
 use serde::Serialize;
 
@@ -25,12 +27,24 @@ pub(super) fn open(config: &Config) -> Result<Rig, RigError> {
             let stage: Box<dyn RotationStage> = match config.rig.stage {
                 StageKind::Controller => Box::new(controller::open(&config.controller)?),
                 StageKind::Grbl => Box::new(grbl::open(&config.grbl)?),
+                StageKind::Simulated => Box::new(simulated::open(&config.simulated)?.0),
             };
             match config.rig.camera {
                 CameraKind::Simulated => {
                     let (_, camera, truth) = simulated::open(&config.simulated)?;
                     let stage = Seen { stage, truth: truth.clone() };
                     Ok(Rig { stage: Box::new(stage), camera: Box::new(camera), truth: Some(truth) })
+                }
+                CameraKind::Gphoto2 => {
+                    let unnamed =
+                        |e| RigError::Device(format!("this program does not know its own file: {e}"));
+                    let launch = Launch::this_program().map_err(unnamed)?;
+                    let camera = Box::new(GphotoCamera::open(&config.gphoto2, launch)?);
+                    Ok(Rig { stage, camera, truth: None })
+                }
+                CameraKind::V4l2 => {
+                    let camera = Box::new(V4lCamera::open(&config.v4l2)?);
+                    Ok(Rig { stage, camera, truth: None })
                 }
             }
         }

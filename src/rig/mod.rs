@@ -4,12 +4,16 @@
 //! device; calls block.
 
 pub mod controller;
+pub mod gphoto;
 pub mod grbl;
+mod holder;
 mod serial;
 pub mod simulated;
+pub mod v4l;
 
 use crate::geometry::Angle;
 use serde::{Deserialize, Serialize};
+use std::time::Duration;
 
 /// Turns the grain about the z axis.
 pub trait RotationStage: Send {
@@ -35,6 +39,8 @@ pub trait Camera: Send {
     /// # Errors
     /// [`RigError`] where the camera does not deliver a whole picture.
     fn capture(&mut self) -> Result<Frame, RigError>;
+    /// The picture that was delivered last is durable: the camera need not keep it any longer.
+    fn kept(&mut self) {}
     /// One line that names the device for the session's record.
     fn describe(&self) -> String;
 }
@@ -46,6 +52,24 @@ pub struct Frame {
     pub bytes: Vec<u8>,
     /// What kind of file they are.
     pub encoding: Encoding,
+    /// Further files of the same exposure, such as a RAW file: archived, not decoded.
+    pub others: Vec<OtherFile>,
+}
+
+impl Frame {
+    /// A photograph of one file.
+    pub const fn new(bytes: Vec<u8>, encoding: Encoding) -> Self {
+        Self { bytes, encoding, others: Vec::new() }
+    }
+}
+
+/// A file that a camera made beside the picture.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct OtherFile {
+    /// The ending of the camera's own name for it, in small letters: `cr2`.
+    pub extension: String,
+    /// The file's bytes.
+    pub bytes: Vec<u8>,
 }
 
 /// The kinds of picture file that are archived and decoded.
@@ -104,6 +128,16 @@ pub enum RigError {
     /// The device failed; the text says how, with value, limit and remedy.
     #[error("{0}")]
     Device(String),
+    /// The device does nothing until somebody has done something about it, or until it is tried again.
+    #[error("{cause}; {remedy} (the next try is due in {} s)", retry.as_secs())]
+    Suspended {
+        /// What failed, how often, with value and limit.
+        cause: String,
+        /// What to do.
+        remedy: String,
+        /// After how long it is tried again where nobody does anything.
+        retry: Duration,
+    },
     /// A recording has no more pictures or angles.
     #[error("the recording ends after {0} views; the plan asks for more")]
     RecordingEnds(usize),

@@ -1,5 +1,6 @@
 //! What happens during a run: one numbered event type for terminal, journal and browser alike.
 
+use super::manifest::ArchivedFile;
 use crate::silhouette::Verdict;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
@@ -43,6 +44,9 @@ pub struct CapturedView {
     pub commanded_deg: f64,
     /// Where the stage says it is, degrees.
     pub reached_deg: f64,
+    /// Further files of the same exposure, durable as well: RAW files.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub others: Vec<ArchivedFile>,
 }
 
 /// A product that is durable.

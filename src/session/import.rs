@@ -211,7 +211,7 @@ impl SourceImage {
             let recorded = self.sha256.clone();
             return Err(SessionError::Changed { path: self.path.clone(), found, recorded });
         }
-        Ok(Frame { bytes, encoding: self.encoding })
+        Ok(Frame::new(bytes, self.encoding))
     }
 }
 

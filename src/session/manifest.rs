@@ -70,7 +70,7 @@ pub enum Origin {
     Import,
 }
 
-/// A file inside `frames/` that is not a view.
+/// A file inside `frames/` beside the views' pictures.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ArchivedFile {
     /// File name inside `frames/`.

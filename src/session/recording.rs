@@ -118,7 +118,11 @@ impl Recording {
                 if self.views.contains_key(&view.view) {
                     return Err(format!("view {} is captured twice", view.view));
                 }
-                check_name("frame file", &view.file).map_err(|e| e.to_string())
+                let files = view.others.iter().map(|o| &o.file).chain([&view.file]);
+                files
+                    .map(|file| check_name("frame file", file))
+                    .collect::<Result<(), _>>()
+                    .map_err(|e| e.to_string())
             }
             Happening::Products { files, .. } => {
                 files.iter().try_for_each(|f| check_name("product file", &f.file)).map_err(|e| e.to_string())
@@ -232,7 +236,7 @@ fn read_checked(path: &Path, recorded: &str) -> Result<Frame, SessionError> {
         file: path.display().to_string(),
         fault: super::picture::PictureFault::unknown(&bytes),
     })?;
-    Ok(Frame { bytes, encoding })
+    Ok(Frame::new(bytes, encoding))
 }
 
 pub(super) fn read_manifest(folder: &Path) -> Result<Vec<u8>, SessionError> {

@@ -20,7 +20,7 @@ pub struct VerifyReport {
     pub records: usize,
     /// Views in the plan.
     pub planned: usize,
-    /// Pictures whose hash was compared.
+    /// Pictures and RAW files whose hash was compared.
     pub frames: usize,
     /// Products whose hash was compared.
     pub products: usize,
@@ -137,6 +137,12 @@ pub fn verify(folder: &Path) -> Result<VerifyReport, SessionError> {
         let file = format!("{FRAMES}/{}", v.file);
         report.faults.extend(compare(folder, &file, v.bytes, &v.sha256));
         known.insert(file);
+        for other in &v.others {
+            report.frames += 1;
+            let file = format!("{FRAMES}/{}", other.file);
+            report.faults.extend(compare(folder, &file, other.bytes, &other.sha256));
+            known.insert(file);
+        }
     }
     if let Some(b) = &recording.manifest().background {
         report.frames += 1;

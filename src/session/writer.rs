@@ -3,7 +3,7 @@
 use super::SessionError;
 use super::disk::{Lock, WholeFile, check_space, remove_parts, write_whole};
 use super::event::{CapturedView, Event, Happening, ProductRecord};
-use super::manifest::{PlannedView, required_bytes};
+use super::manifest::{ArchivedFile, PlannedView, required_bytes};
 use super::name::check_name;
 use super::recording::{FRAMES, JOURNAL, PRODUCTS, Recording};
 use crate::geometry::Angle;
@@ -132,7 +132,7 @@ impl Session {
         Ok(event)
     }
 
-    /// Makes a picture durable: written and synced, hashed, journalled with the journal synced, in that order.
+    /// Makes a picture and the files beside it durable: written and synced, hashed, journalled with the journal synced, in that order.
     /// Angles are recorded to 10⁻⁹ degrees, so that their decimal text reads back to the same number.
     ///
     /// # Errors
@@ -153,9 +153,22 @@ impl Session {
         let (role, commanded_deg) = (planned.role, on_record(planned.angle_deg));
         let file = format!("view_{view:03}.{}", frame.encoding.extension());
         let folder = self.recording.folder.join(FRAMES);
+        let mut others: Vec<ArchivedFile> = Vec::new();
+        for other in &frame.others {
+            // The camera's ending, and a number where it stands twice.
+            let same = |o: &&ArchivedFile| o.file.ends_with(&format!(".{}", other.extension));
+            let nth = match others.iter().filter(same).count() {
+                0 => String::new(),
+                n => format!("_{}", n + 1),
+            };
+            let name = format!("view_{view:03}_raw{nth}.{}", other.extension);
+            check_name("frame file", &name)?;
+            let (bytes, sha256) = write_whole(&folder, &name, &other.bytes)?;
+            others.push(ArchivedFile { file: name, bytes, sha256 });
+        }
         let (bytes, sha256) = write_whole(&folder, &file, &frame.bytes)?;
         let reached_deg = on_record(reached.deg());
-        let view = CapturedView { view, role, file, bytes, sha256, commanded_deg, reached_deg };
+        let view = CapturedView { view, role, file, bytes, sha256, commanded_deg, reached_deg, others };
         match self.append(Happening::Captured { view, remaining_s })?.what {
             Happening::Captured { view, .. } => Ok(view),
             other => Err(SessionError::Unrecordable { reason: format!("it came back as {other:?}") }),

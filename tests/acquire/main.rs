@@ -5,8 +5,9 @@ mod steering;
 
 use grainrig::acquire::{AcquireError, Control, Outcome, Phase};
 use grainrig::session::picture::PictureFault;
-use grainrig::session::{SessionError, State};
+use grainrig::session::{Recording, SessionError, State};
 use rig::{Runs, Script, Step, VIEWS, picture};
+use std::sync::{Arc, Mutex};
 
 /// The views that a run without faults captures.
 fn all() -> Vec<usize> {
@@ -42,6 +43,7 @@ fn durable_after(step: Step) -> usize {
     match step {
         Step::Begin | Step::Home => 0,
         Step::Move(n) | Step::Settle(n) | Step::Expose(n) | Step::Store(n) => n,
+        Step::Kept => unreachable!("the camera can't refuse that"),
         // The first is `homed`, then one for each move, then the end.
         Step::Event(n) => n.saturating_sub(1),
     }
@@ -87,6 +89,23 @@ fn a_fault_at_any_step_keeps_what_was_captured_and_the_next_run_takes_the_rest()
         let again = runs.events();
         assert_eq!(again.iter().filter(|e| e.starts_with("captured")).count(), left, "{step:?}: {again:?}");
     }
+}
+
+#[test]
+fn the_camera_may_forget_a_picture_only_once_it_is_durable() {
+    let runs = Runs::new();
+    let folder = runs.recording().folder().to_owned();
+    let seen = Arc::new(Mutex::new(Vec::new()));
+    let told = Arc::clone(&seen);
+    let at = move |step| {
+        if step == Step::Kept {
+            told.lock().unwrap().push(Recording::read(&folder).unwrap().views().len());
+        }
+    };
+    // The second picture is no use, so the camera is told of none.
+    let script = Script { at: Box::new(at), pictures: vec![None, Some(Vec::new())], ..Script::default() };
+    runs.run(script, &Control::new()).unwrap();
+    assert_eq!(*seen.lock().unwrap(), [1, 2, 3, 4]);
 }
 
 #[test]

@@ -24,6 +24,8 @@ pub enum Step {
     Settle(usize),
     Expose(usize),
     Store(usize),
+    /// The camera is told that its picture is durable.
+    Kept,
     /// The event with this number is handed to the sink.
     Event(usize),
 }
@@ -38,6 +40,8 @@ pub struct Script {
     pub pictures: Vec<Option<Vec<u8>>>,
     /// Pictures, counted from 0 in the order in which they are looked at, that are no good.
     pub unfit: Vec<usize>,
+    /// Exposures for which the camera is given up, and after how long it is to be tried again.
+    pub suspended: (Vec<usize>, Duration),
     /// What the stage answers to a target, degrees.
     pub reached: fn(f64) -> f64,
 }
@@ -49,6 +53,7 @@ impl Default for Script {
             at: Box::new(|_| {}),
             pictures: Vec::new(),
             unfit: Vec::new(),
+            suspended: (Vec::new(), Duration::ZERO),
             reached: |deg| deg,
         }
     }
@@ -92,10 +97,19 @@ impl Camera for FakeCamera {
     fn capture(&mut self) -> Result<Frame, RigError> {
         let failing = self.0.fails(Step::Expose(self.1));
         let told = self.0.pictures.get(self.1).cloned().flatten();
+        let (suspended, retry) = &self.0.suspended;
+        if suspended.contains(&self.1) {
+            self.1 += 1;
+            let (cause, remedy) = ("it sleeps".into(), "wake it".into());
+            return Err(RigError::Suspended { cause, remedy, retry: *retry });
+        }
         self.1 += 1;
         // The driver's own idea of the encoding is not to be believed.
-        let frame = |bytes| Frame { bytes, encoding: Encoding::Tiff };
+        let frame = |bytes| Frame::new(bytes, Encoding::Tiff);
         if failing { Err(device()) } else { Ok(frame(told.unwrap_or_else(|| picture(16, 8)))) }
+    }
+    fn kept(&mut self) {
+        (self.0.at)(Step::Kept);
     }
     fn describe(&self) -> String {
         "fake camera".into()

@@ -169,3 +169,31 @@ fn a_suspended_run_goes_on_with_its_view_and_all_its_tries_or_is_aborted() {
     assert_eq!(ended, Outcome::Aborted { captured: 1 });
     assert_eq!(runs.run_well(), Outcome::Complete { captured: VIEWS - 1 });
 }
+
+#[test]
+fn a_run_whose_camera_is_given_up_waits_and_goes_on_by_itself_or_when_told() {
+    let soon = Duration::from_millis(1);
+    let suspended = |retry| Script { suspended: (vec![1, 2], retry), ..Script::default() };
+    let runs = Runs::new();
+    assert_eq!(
+        runs.run(suspended(soon), &Control::attended()).unwrap(),
+        Outcome::Complete { captured: VIEWS }
+    );
+    let events = runs.events();
+    let again =
+        ["moving 1", "suspended 1", "paused", "resumed", "suspended 1", "paused", "resumed", "captured 1"];
+    assert_eq!(events[4..12], again);
+    // Nobody waits an hour who is told to go on.
+    let runs = Runs::new();
+    let control = Control::attended();
+    let script = Script { suspended: (vec![1], Duration::from_secs(3600)), ..Script::default() };
+    assert_eq!(
+        when_paused(&runs, script, &control, || control.resume()),
+        Outcome::Complete { captured: VIEWS }
+    );
+    // A run that nobody attends ends, and says what is to be done.
+    let runs = Runs::new();
+    let error = runs.run(suspended(soon), &Control::new()).unwrap_err().to_string();
+    assert!(error.contains("view 1: it sleeps; wake it (the next try is due in"), "{error}");
+    assert_eq!(runs.run_well(), Outcome::Complete { captured: VIEWS - 1 });
+}

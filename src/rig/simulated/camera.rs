@@ -164,7 +164,7 @@ impl Camera for SimulatedCamera {
         } else {
             self.last.clone_from(&bytes);
         }
-        Ok(Frame { bytes, encoding: Encoding::Jpeg })
+        Ok(Frame::new(bytes, Encoding::Jpeg))
     }
 
     fn describe(&self) -> String {

@@ -1,0 +1,15 @@
+//! One suite for every camera, and what becomes of a picture when a real camera fails.
+
+mod bench;
+mod conformance;
+#[cfg(feature = "gphoto2")]
+mod faults;
+#[path = "../kit/mod.rs"]
+mod kit;
+#[cfg(feature = "gphoto2")]
+mod network;
+#[cfg(feature = "gphoto2")]
+#[path = "../ptp_camera/mod.rs"]
+mod ptp_camera;
+#[cfg(feature = "v4l")]
+mod video;

@@ -1,0 +1,212 @@
+//! The real v4l crate before a device in user space, which `tests/video_camera/video_camera.c` is.
+//!
+//! The device comes into a process when that process starts, so each test runs itself again with it.
+
+use crate::bench::{Bench, SCENES, scene};
+use crate::conformance::conforms;
+use crate::kit::pictures;
+use grainrig::rig::v4l::{PixelFormat, Settings, V4lCamera};
+use grainrig::rig::{Camera as _, Encoding, RigError};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
+const DEVICE: &str = "GRAINRIG_VIDEO";
+const FOLDER: &str = "GRAINRIG_VIDEO_DIR";
+
+/// The device, compiled; `None` without a compiler of C.
+fn library() -> Option<&'static Path> {
+    static MADE: OnceLock<Option<(tempfile::TempDir, PathBuf)>> = OnceLock::new();
+    let made = MADE.get_or_init(|| {
+        let dir = tempfile::tempdir().unwrap();
+        let library = dir.path().join("video_camera.so");
+        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/video_camera/video_camera.c");
+        let mut compiler = Command::new("cc");
+        compiler.args(["-shared", "-fPIC", "-O2", "-pthread", "-o"]).arg(&library).arg(source).arg("-ldl");
+        match compiler.output() {
+            Ok(done) => {
+                assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+                Some((dir, library))
+            }
+            Err(e) => {
+                println!("skipped: no C compiler `cc` ({e}); install gcc");
+                None
+            }
+        }
+    });
+    made.as_ref().map(|(_, library)| library.as_path())
+}
+
+/// Whether the device is in this process. Where it is not, runs the named test again in one that has it.
+fn inside(test: &str) -> bool {
+    if std::env::var_os(FOLDER).is_some() {
+        return true;
+    }
+    let Some(library) = library() else { return false };
+    let dir = tempfile::tempdir().unwrap();
+    let ran = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", &format!("video::{test}"), "--nocapture"])
+        .env("LD_PRELOAD", library)
+        .env(DEVICE, dir.path().join("video9"))
+        .env(FOLDER, dir.path())
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&ran.stdout).into_owned() + &String::from_utf8_lossy(&ran.stderr);
+    assert!(ran.status.success() && said.contains("1 passed"), "{said}");
+    false
+}
+
+/// What the device delivers, written so that it never sees half of it.
+fn put(name: &str, bytes: &[u8]) {
+    let folder = PathBuf::from(std::env::var_os(FOLDER).unwrap());
+    std::fs::write(folder.join("new"), bytes).unwrap();
+    std::fs::rename(folder.join("new"), folder.join(name)).unwrap();
+}
+
+fn fault(word: &str) {
+    put("fault", word.as_bytes());
+}
+
+/// A scene as brightness and colour.
+fn yuyv(n: usize) -> Vec<u8> {
+    let picture = image::load_from_memory(&pictures()[n]).unwrap().to_luma8();
+    let level = |v: &u8| (16.0 + f32::from(*v) * 219.0 / 255.0).round() as u8;
+    picture.as_raw().iter().flat_map(|v| [level(v), 128]).collect()
+}
+
+fn settings(format: PixelFormat) -> Settings {
+    let controls = [
+        ("auto_exposure", 1),
+        ("exposure_time_absolute", 100),
+        ("white_balance_automatic", 0),
+        ("white_balance_temperature", 5000),
+    ];
+    Settings {
+        device: std::env::var_os(DEVICE).unwrap().into(),
+        format,
+        width: 324,
+        height: 216,
+        controls: controls.map(|(name, value)| (name.to_owned(), value)).into(),
+        frame_s: 0.5,
+        retry_s: vec![0.02, 0.05],
+        suspend_s: 0.5,
+        ..Settings::default()
+    }
+}
+
+fn open(settings: &Settings) -> V4lCamera {
+    put("frame", &pictures()[0]);
+    V4lCamera::open(settings).unwrap()
+}
+
+/// The next picture shows this scene.
+fn shows(camera: &mut V4lCamera, n: usize) {
+    put("frame", &pictures()[n]);
+    assert_eq!(scene(&camera.capture().unwrap()), n);
+}
+
+#[test]
+fn a_video_camera_conforms_and_never_delivers_what_was_before_it_earlier() {
+    if !inside("a_video_camera_conforms_and_never_delivers_what_was_before_it_earlier") {
+        return;
+    }
+    put("frame", &pictures()[0]);
+    let camera = Box::new(open(&settings(PixelFormat::Mjpeg)));
+    conforms("mjpeg", Bench { camera, set: Box::new(|n| put("frame", &pictures()[n])) });
+    put("frame", &yuyv(0));
+    let camera = Box::new(V4lCamera::open(&settings(PixelFormat::Yuyv)).unwrap());
+    assert!(camera.describe().contains("yuyv as PNG"), "{}", camera.describe());
+    conforms("yuyv", Bench { camera, set: Box::new(|n| put("frame", &yuyv(n))) });
+}
+
+#[test]
+fn mjpeg_is_archived_as_it_comes() {
+    if !inside("mjpeg_is_archived_as_it_comes") {
+        return;
+    }
+    let mut camera = open(&settings(PixelFormat::Mjpeg));
+    for n in 0..SCENES {
+        put("frame", &pictures()[n]);
+        let frame = camera.capture().unwrap();
+        assert_eq!((frame.bytes == pictures()[n], frame.encoding), (true, Encoding::Jpeg));
+    }
+}
+
+#[test]
+fn what_passes_is_got_over() {
+    if !inside("what_passes_is_got_over") {
+        return;
+    }
+    let mut camera = open(&settings(PixelFormat::Mjpeg));
+    shows(&mut camera, 1);
+    for (n, word) in ["stall", "cut", "gone", "forgets"].into_iter().enumerate() {
+        fault(word);
+        put("frame", &pictures()[n % SCENES]);
+        let mut given_up = 0;
+        std::thread::scope(|scope| {
+            let capturing = scope.spawn(|| {
+                loop {
+                    match camera.capture() {
+                        Ok(frame) => return frame,
+                        Err(RigError::Suspended { .. }) => given_up += 1,
+                        Err(e) => panic!("{word}: {e}"),
+                    }
+                }
+            });
+            // It meets the fault for a while; what it does meanwhile is its own business.
+            let _ = std::sync::mpsc::channel::<()>().1.recv_timeout(std::time::Duration::from_millis(700));
+            fault("");
+            assert_eq!(scene(&capturing.join().unwrap()), n % SCENES, "{word}");
+        });
+        shows(&mut camera, (n + 1) % SCENES);
+    }
+}
+
+#[test]
+fn what_stays_is_told_with_its_remedy() {
+    if !inside("what_stays_is_told_with_its_remedy") {
+        return;
+    }
+    let told = |changed: &Settings| -> String {
+        match V4lCamera::open(changed) {
+            Err(RigError::Suspended { cause, remedy, .. }) => format!("{cause}; {remedy}"),
+            Err(e) => panic!("{e}"),
+            Ok(_) => panic!("it opens"),
+        }
+    };
+    let good = settings(PixelFormat::Mjpeg);
+    put("frame", &pictures()[0]);
+    for (word, parts) in [
+        ("gone", ["is not there", "put the camera's cable in"]),
+        ("held", ["is used", "end the program that uses the camera"]),
+        ("bandwidth", ["USB bandwidth does not suffice", "a USB port of its own"]),
+        ("stall", ["fails to stream", "cable"]),
+    ] {
+        fault(word);
+        let text = told(&good);
+        assert!(parts.iter().all(|p| text.contains(p)), "{word}: {text}");
+    }
+    fault("");
+    let control = |name: &str, value: i64| {
+        let mut changed = good.clone();
+        changed.controls = BTreeMap::from([(name.to_owned(), value)]);
+        told(&changed)
+    };
+    let size = told(&Settings { width: 640, ..good.clone() });
+    assert!(size.contains("gives 324 × 216 px as MJPG where 640 × 216 px as mjpeg are asked for"), "{size}");
+    let unknown = control("zoom", 1);
+    assert!(unknown.contains("no control zoom; it has auto_exposure, exposure_time_absolute"), "{unknown}");
+    let range = control("auto_exposure", 9);
+    assert!(range.contains("auto_exposure can't be 9 (0 to 3)"), "{range}");
+    let governed = control("exposure_time_absolute", 100);
+    assert!(governed.contains("while an automatic one governs it"), "{governed}");
+    // A fault that stays while it captures.
+    let mut camera = open(&good);
+    shows(&mut camera, 1);
+    fault("cut");
+    let Err(RigError::Suspended { cause, .. }) = camera.capture() else { panic!("half a picture") };
+    assert!(cause.contains("cut off"), "{cause}");
+    fault("");
+    shows(&mut camera, 2);
+}

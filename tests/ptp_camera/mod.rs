@@ -1,0 +1,159 @@
+//! A camera on the network that libgphoto2 takes for a real one: PTP over IP (CIPA DC-005), with a plain camera's
+//! personality and that of a Canon EOS, and what goes wrong with either.
+//!
+//! ```text
+//!  libgphoto2 ──commands──▶ server ──operation──▶ Body (store, properties, shutter) ──picture──▶ the test's callback
+//!             ◀──events────                       eos: Canon's own operations and its queue of changes
+//! ```
+//!
+//! The pictures come from the test, which may render them at the angle that a stage has reached.
+
+// Each test file uses its own part of this.
+#![allow(dead_code)]
+
+mod body;
+mod eos;
+mod server;
+mod wire;
+
+use body::Body;
+use std::net::TcpListener;
+use std::sync::{Arc, Mutex, MutexGuard};
+use std::time::Duration;
+
+/// How the camera behaves when nothing is wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Personality {
+    /// The standard's own operations; events come on a connection of their own.
+    Generic,
+    /// A Canon EOS: remote release, changes that are polled, pictures held in RAM or on the card.
+    Eos,
+}
+
+/// What goes wrong at an exposure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fault {
+    /// The release is answered with "device busy".
+    Busy,
+    /// The release is never answered.
+    Stall,
+    /// The release is answered, and nothing comes of it.
+    NoEvent,
+    /// The camera hangs up in mid-release and refuses the next so many connections.
+    Die {
+        /// Connections refused before it is there again.
+        refusals: usize,
+    },
+    /// The release is answered with "store full".
+    FullCard,
+    /// Only the RAW file is written.
+    RawWithoutJpeg,
+    /// Only the first half of the picture can be had.
+    Truncated,
+    /// The picture takes so much longer.
+    Slow(Duration),
+    /// Before the exposure the sensitivity changes by itself.
+    Drift,
+}
+
+/// A fault, and the exposures that it spoils: `count` of them from the one numbered `at`, counted from 0 with every
+/// release.
+#[derive(Debug, Clone, Copy)]
+pub struct Planned {
+    pub fault: Fault,
+    pub at: usize,
+    pub count: usize,
+}
+
+/// How the camera is set up.
+#[derive(Debug, Clone)]
+pub struct Setup {
+    pub personality: Personality,
+    /// Whether each exposure makes a RAW file beside the JPEG.
+    pub raw: bool,
+    /// Pictures that the card (or the camera's RAM) holds.
+    pub capacity: usize,
+    /// Whether somebody has left it in live view.
+    pub live_view: bool,
+    pub faults: Vec<Planned>,
+}
+
+impl Setup {
+    /// A camera with which nothing is wrong.
+    pub fn new(personality: Personality) -> Self {
+        Self { personality, raw: false, capacity: usize::MAX, live_view: false, faults: Vec::new() }
+    }
+    /// The same with a fault at one exposure.
+    #[must_use]
+    pub fn with(self, fault: Fault, at: usize) -> Self {
+        self.with_many(fault, at, 1)
+    }
+    /// The same with a fault at several exposures in a row.
+    #[must_use]
+    pub fn with_many(mut self, fault: Fault, at: usize, count: usize) -> Self {
+        self.faults.push(Planned { fault, at, count });
+        self
+    }
+}
+
+/// A camera that runs until it is dropped.
+pub struct PtpCamera {
+    body: Arc<Mutex<Body>>,
+    port: u16,
+}
+
+/// The picture of an exposure, by its number.
+type Pictures = dyn FnMut(usize) -> Vec<u8> + Send;
+
+impl PtpCamera {
+    /// Switches a camera on; `pictures` makes the JPEG of each exposure that is really taken.
+    pub fn start(setup: Setup, pictures: impl FnMut(usize) -> Vec<u8> + Send + 'static) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let port = listener.local_addr().unwrap().port();
+        let body = Arc::new(Mutex::new(Body::new(setup, Box::new(pictures))));
+        let serving = Arc::clone(&body);
+        std::thread::spawn(move || server::serve(&listener, &serving));
+        Self { body, port }
+    }
+
+    /// As libgphoto2 takes it. The port stands twice, or events would go to the standard's port.
+    pub fn address(&self) -> String {
+        format!("ptpip:127.0.0.1:{0}:{0}", self.port)
+    }
+
+    fn body(&self) -> MutexGuard<'_, Body> {
+        self.body.lock().unwrap()
+    }
+
+    /// The camera driver's name for it.
+    pub fn model(&self) -> &'static str {
+        match self.body().personality() {
+            Personality::Generic => "PTP/IP Camera",
+            Personality::Eos => "Canon EOS (WLAN)",
+        }
+    }
+    /// Releases that were asked for, spoilt ones too.
+    pub fn releases(&self) -> usize {
+        self.body().releases
+    }
+    /// Pictures that are on the card or in RAM: their names.
+    pub fn pictures(&self) -> Vec<String> {
+        self.body().pictures()
+    }
+    /// The sensitivity that is set.
+    pub fn iso(&self) -> String {
+        self.body().iso()
+    }
+    /// Command connections so far.
+    pub fn sessions(&self) -> usize {
+        self.body().sessions
+    }
+}
+
+impl Drop for PtpCamera {
+    fn drop(&mut self) {
+        self.body().off = true;
+        // Wakes the listener, which looks at the switch.
+        let _ = std::net::TcpStream::connect(("127.0.0.1", self.port));
+    }
+}
