@@ -1,6 +1,7 @@
 //! A serial port that is ours alone.
 
 use super::RigError;
+use super::holder::holder;
 use rustix::fs::Access;
 use serialport::TTYPort;
 use std::collections::VecDeque;
@@ -36,10 +37,12 @@ impl Port {
             ));
         }
         // The crate asks the kernel for exclusive use, and locks it against those whom the kernel lets through (root).
-        let line = serialport::new(path.to_string_lossy(), baud)
-            .timeout(SLICE)
-            .open_native()
-            .map_err(|e| refused(format!("{e}{}", holder(path))))?;
+        let line =
+            serialport::new(path.to_string_lossy(), baud).timeout(SLICE).open_native().map_err(|e| {
+                let by =
+                    holder(path).map_or_else(String::new, |who| format!("; {who} has it open: end it first"));
+                refused(format!("{e}{by}"))
+            })?;
         Ok(Self { line, waiting: VecDeque::new() })
     }
 
@@ -74,25 +77,4 @@ impl Port {
     pub fn send(&mut self, bytes: &[u8]) -> Result<(), std::io::Error> {
         self.line.write_all(bytes)
     }
-}
-
-/// Who has the port open, as far as this user may see: ` (minicom, process 123)`.
-fn holder(path: &Path) -> String {
-    let Ok(device) = std::fs::canonicalize(path) else { return String::new() };
-    let Ok(processes) = std::fs::read_dir("/proc") else { return String::new() };
-    let own = std::process::id().to_string();
-    for process in processes.flatten() {
-        let name = process.file_name();
-        let id = name.to_string_lossy();
-        if id == own || !id.bytes().all(|b| b.is_ascii_digit()) {
-            continue;
-        }
-        let Ok(files) = std::fs::read_dir(process.path().join("fd")) else { continue };
-        let holds = files.flatten().any(|f| std::fs::read_link(f.path()).is_ok_and(|to| to == device));
-        if holds {
-            let command = std::fs::read_to_string(process.path().join("comm")).unwrap_or_default();
-            return format!(" ({}, process {id}); end it first", command.trim());
-        }
-    }
-    String::new()
 }

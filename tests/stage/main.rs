@@ -185,7 +185,9 @@ fn a_port_is_held_by_one_and_the_other_is_told_by_whom() {
     let stage = open(&settings(&board)).unwrap();
     let refused = open(&settings(&board)).err().expect("it is held").to_string();
     assert!(
-        refused.contains("cannot open") && refused.contains("process") && refused.contains("end it first"),
+        refused.contains("cannot open")
+            && refused.contains("process")
+            && refused.contains("has it open: end it first"),
         "{refused}"
     );
     drop(stage);
