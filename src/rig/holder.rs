@@ -1,9 +1,12 @@
 //! Which program holds a device.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
+#[cfg(feature = "gphoto2")]
+use std::path::PathBuf;
 
 /// The device file of a USB port as libgphoto2 writes it: `usb:001,005`.
+#[cfg(feature = "gphoto2")]
 pub(super) fn usb_device(port: &str) -> Option<PathBuf> {
     let (bus, device) = port.strip_prefix("usb:")?.split_once(',')?;
     let digits = |s: &str| s.len() == 3 && s.bytes().all(|b| b.is_ascii_digit());
@@ -28,6 +31,7 @@ mod tests {
     use super::*;
 
     #[test]
+    #[cfg(feature = "gphoto2")]
     fn only_a_usb_port_has_a_device_file() {
         assert_eq!(usb_device("usb:001,005").unwrap(), Path::new("/dev/bus/usb/001/005"));
         for other in ["usb:", "usb:001", "usb:../../x,005", "ptpip:127.0.0.1"] {

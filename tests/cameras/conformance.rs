@@ -9,6 +9,51 @@ use grainrig::session::Recording;
 use grainrig::session::picture::decode_check;
 use grainrig::session::replay::replay;
 
+/// At the rig, with any camera and anything before it: `GRAINRIG_CAMERA=my.toml cargo test --features gphoto2,v4l --test
+/// cameras at_the_rig -- --ignored`.
+#[test]
+#[ignore = "needs rig"]
+fn the_camera_at_the_rig_delivers_whole_pictures_one_after_the_other() {
+    use grainrig::config::{CameraKind, Config};
+    use grainrig::rig::gphoto::{GphotoCamera, Launch};
+    use grainrig::rig::{Camera, v4l::V4lCamera};
+    let path = std::env::var_os("GRAINRIG_CAMERA").expect("GRAINRIG_CAMERA names a configuration");
+    let config = Config::read(std::path::Path::new(&path)).unwrap();
+    let launch = Launch { program: env!("CARGO_BIN_EXE_grainrig").into() };
+    let mut camera: Box<dyn Camera> = match config.rig.camera {
+        CameraKind::Gphoto2 => Box::new(GphotoCamera::open(&config.gphoto2, launch).unwrap()),
+        CameraKind::V4l2 => Box::new(V4lCamera::open(&config.v4l2).unwrap()),
+        CameraKind::Simulated => panic!("the configuration has no real camera"),
+    };
+    println!("{}", camera.describe());
+    let mut size = None;
+    let mut before = Vec::new();
+    for n in 0..30 {
+        let frame = camera.capture().unwrap_or_else(|e| panic!("picture {n}: {e}"));
+        let (encoding, found) = decode_check(&frame.bytes, size).unwrap();
+        assert_eq!(encoding, frame.encoding);
+        // Noise alone makes two photographs differ.
+        assert!(frame.bytes != before, "picture {n} is the one before it");
+        println!("{n}: {} bytes, {} other file(s)", frame.bytes.len(), frame.others.len());
+        (size, before) = (Some(found), frame.bytes);
+        camera.kept();
+    }
+}
+
+/// Without the libraries the program still runs, and says what it lacks.
+#[cfg(not(any(feature = "gphoto2", feature = "v4l")))]
+#[test]
+fn a_program_without_the_camera_libraries_says_so() {
+    let lab = Lab::new();
+    for (camera, text) in
+        [("gphoto2", "was built without libgphoto2"), ("v4l2", "without the driver of video cameras")]
+    {
+        let camera = format!("camera = '{camera}'");
+        let rig = ["kind = 'hardware'", "stage = 'simulated'", &camera].map(|line| ("rig", line));
+        lab.run(&["--config", &lab.config(&rig), "capture", "a"]).fails(1, &[text, "--features"]);
+    }
+}
+
 /// Holds a camera to the promises of [`grainrig::rig::Camera`].
 pub fn conforms(name: &str, mut bench: Bench) {
     let description = bench.camera.describe();

@@ -4,7 +4,6 @@ use super::message::{Failure, FailureKind, Reply, Request};
 use super::policy;
 use super::settings::{Settings, seconds};
 use super::supervisor::Worker;
-use crate::rig::holder::{holder, usb_device};
 use crate::rig::{Camera, Encoding, Frame, OtherFile, RigError};
 
 pub use super::supervisor::Launch;
@@ -128,15 +127,8 @@ impl GphotoCamera {
     fn given_up(&mut self, failure: &Failure, tries: usize) -> RigError {
         self.suspensions += 1;
         let often = if tries > 1 { format!(" ({tries} tries)") } else { String::new() };
-        let by = match failure.kind {
-            FailureKind::Claimed => {
-                let device = usb_device(&self.settings.port);
-                device.and_then(|device| holder(&device)).map(|who| format!(", by {who}"))
-            }
-            _ => None,
-        };
         RigError::Suspended {
-            cause: format!("{}{}{often}", failure.cause, by.unwrap_or_default()),
+            cause: format!("{}{often}", failure.cause),
             remedy: policy::remedy(failure.kind).to_owned(),
             retry: policy::suspension(&self.settings, self.suspensions),
         }

@@ -5,6 +5,7 @@ use super::super::settings::{Settings, Target, seconds};
 use super::NamedFile;
 use super::control::{self, drain, failure};
 use super::files::fetch;
+use crate::rig::holder::{holder, usb_device};
 use gphoto2::camera::CameraEvent;
 use gphoto2::list::CameraDescriptor;
 use gphoto2::widget::Widget;
@@ -290,7 +291,14 @@ fn find(context: &Context, settings: &Settings) -> Result<(Camera, String), Fail
             Ok((_, serial)) => {
                 last = absent(&format!(" with serial number {serial}, {} is set", settings.serial));
             }
-            Err(failure) => last = failure,
+            Err(mut failure) => {
+                if failure.kind == FailureKind::Claimed
+                    && let Some(who) = usb_device(&descriptor.port).and_then(|device| holder(&device))
+                {
+                    failure.cause = format!("{}; {who} holds it", failure.cause);
+                }
+                last = failure;
+            }
         }
     }
     Err(last)
