@@ -21,7 +21,7 @@ use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, Mutex};
 
 /// What one picture takes on the disk, for the check before a run: a DSLR's largest JPEG.
-const FRAME_BYTES: u64 = 24 << 20;
+pub(super) const FRAME_BYTES: u64 = 24 << 20;
 
 /// Captures a new session and computes its products. Blocks until the run ends.
 ///
