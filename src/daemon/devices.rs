@@ -38,10 +38,7 @@ pub(super) fn open(config: &Config) -> Result<Rig, RigError> {
                     Ok(Rig { stage: Box::new(stage), camera: Box::new(camera), truth: Some(truth) })
                 }
                 CameraKind::Gphoto2 => {
-                    let unnamed =
-                        |e| RigError::Device(format!("this program does not know its own file: {e}"));
-                    let launch = Launch::this_program().map_err(unnamed)?;
-                    let camera = Box::new(GphotoCamera::open(&config.gphoto2, launch)?);
+                    let camera = Box::new(GphotoCamera::open(&config.gphoto2, Launch::this_program())?);
                     Ok(Rig { stage, camera, truth: None })
                 }
                 CameraKind::V4l2 => {

@@ -55,7 +55,7 @@ pub fn doctor(config: &Config, data: &Path, told: &mut dyn FnMut(&Finding)) -> V
         told(&finding);
         all.push(finding);
     };
-    say(disk(&config.plan, data));
+    say(disk(config, data));
     if config.rig.kind == RigKind::Hardware {
         hardware(config, &discover(Path::new("/")), &mut say);
     }
@@ -95,9 +95,9 @@ fn bad(check: &'static str, error: &RigError) -> Finding {
     Finding { check, health: Health::Bad, found, remedy }
 }
 
-fn disk(plan: &PlanSettings, data: &Path) -> Finding {
+fn disk(config: &Config, data: &Path) -> Finding {
     let check = "disk";
-    let needed = required_bytes(plan.views as usize + 1, super::live::FRAME_BYTES);
+    let needed = required_bytes(config.plan.views as usize + 1, super::live::view_bytes(config));
     let there = data.ancestors().find(|p| p.exists()).unwrap_or(Path::new("."));
     let writable = rustix::fs::access(there, rustix::fs::Access::WRITE_OK).is_ok();
     let gib = |bytes: u64| bytes as f64 / f64::from(1 << 30);

@@ -7,7 +7,7 @@ use super::recorded::{
 };
 use super::{DaemonError, Watcher};
 use crate::acquire::{self, Control, Outcome, QualityMode, SessionSink, SystemClock};
-use crate::config::{Config, ConfigError, ServeSettings};
+use crate::config::{CameraKind, Config, ConfigError, RigKind, ServeSettings};
 use crate::geometry::Angle;
 use crate::pipeline::{Cameras, Gate, MeshSettings, View};
 use crate::rig::Frame;
@@ -20,8 +20,15 @@ use std::path::Path;
 use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, Mutex};
 
-/// What one picture takes on the disk, for the check before a run: a DSLR's largest JPEG.
-pub(super) const FRAME_BYTES: u64 = 24 << 20;
+/// What one picture takes on the disk, for the check before a run: a DSLR's largest JPEG, and its RAW file.
+const FRAME_BYTES: u64 = 24 << 20;
+const RAW_BYTES: u64 = 40 << 20;
+
+/// What one view of this configuration takes on the disk, bytes.
+pub(super) fn view_bytes(config: &Config) -> u64 {
+    let of_dslr = config.rig.kind == RigKind::Hardware && config.rig.camera == CameraKind::Gphoto2;
+    FRAME_BYTES + if of_dslr { RAW_BYTES } else { 0 }
+}
 
 /// Captures a new session and computes its products. Blocks until the run ends.
 ///
@@ -80,7 +87,7 @@ pub(super) fn begin(data: &Path, name: &str, config: &Config) -> Result<Begun, D
     let store = Store::new(data);
     store.folder(name)?;
     // Before the name is taken: a run that has no room leaves nothing behind.
-    check_space(data, required_bytes(manifest.plan.views.len(), FRAME_BYTES))?;
+    check_space(data, required_bytes(manifest.plan.views.len(), view_bytes(config)))?;
     let session = store.create(&manifest)?;
     Ok(Begun { session, rig, mesh: None, gates: config.acquire.quality == QualityMode::Gate })
 }
@@ -136,7 +143,7 @@ pub fn resume(
     }
     let missing = recording.views().len() < manifest.plan.views.len();
     let rig = if missing {
-        session.check_space(FRAME_BYTES)?;
+        session.check_space(view_bytes(&config))?;
         devices::open(&config)?
     } else {
         let (stage, camera) = replay(recording.clone());

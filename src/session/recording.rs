@@ -118,11 +118,8 @@ impl Recording {
                 if self.views.contains_key(&view.view) {
                     return Err(format!("view {} is captured twice", view.view));
                 }
-                let files = view.others.iter().map(|o| &o.file).chain([&view.file]);
-                files
-                    .map(|file| check_name("frame file", file))
-                    .collect::<Result<(), _>>()
-                    .map_err(|e| e.to_string())
+                let mut files = view.others.iter().map(|o| &o.file).chain([&view.file]);
+                files.try_for_each(|file| check_name("frame file", file)).map_err(|e| e.to_string())
             }
             Happening::Products { files, .. } => {
                 files.iter().try_for_each(|f| check_name("product file", &f.file)).map_err(|e| e.to_string())

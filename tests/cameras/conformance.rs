@@ -50,7 +50,9 @@ fn the_simulated_camera_conforms() {
     let [width, height] = SIZE.map(|s| s as usize);
     let settings = Settings { width, height, mm_per_px: MM_PER_PX, ..Settings::default() };
     let (mut stage, camera, _) = simulated::open(&settings).unwrap();
-    let set = move |scene| drop(stage.move_to(angle(scene)).unwrap());
+    let set = move |scene| {
+        stage.move_to(angle(scene)).unwrap();
+    };
     conforms("simulated", Bench { camera: Box::new(camera), set: Box::new(set) });
 }
 

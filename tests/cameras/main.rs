@@ -11,5 +11,7 @@ mod network;
 #[cfg(feature = "gphoto2")]
 #[path = "../ptp_camera/mod.rs"]
 mod ptp_camera;
+#[cfg(feature = "gphoto2")]
+mod runs;
 #[cfg(feature = "v4l")]
 mod video;

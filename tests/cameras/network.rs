@@ -10,7 +10,6 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use tempfile::TempDir;
 
 /// Whether the library can talk to a camera on the network: Debian keeps that in a file of its own.
 pub fn speaks_ptpip() -> bool {
@@ -41,7 +40,6 @@ pub struct Network {
     pub body: PtpCamera,
     pub settings: Settings,
     scene: Arc<AtomicUsize>,
-    home: TempDir,
 }
 
 impl Network {
@@ -49,6 +47,8 @@ impl Network {
         // What the driver logs is shown where a test fails.
         let _ = tracing_subscriber::fmt().with_test_writer().try_init();
         let scene = Arc::new(AtomicUsize::new(0));
+        // Taken before anybody waits for one.
+        pictures();
         let looks_at = Arc::clone(&scene);
         let personality = setup.personality;
         let body = PtpCamera::start(setup, move |_| pictures()[looks_at.load(Ordering::SeqCst)].clone());
@@ -72,17 +72,12 @@ impl Network {
             suspend_s: 0.5,
             ..Settings::default()
         };
-        Self { body, settings, scene, home: tempfile::tempdir().unwrap() }
+        Self { body, settings, scene }
     }
 
-    /// The real program is the camera's process; the library's own settings stay out of the account's.
-    pub fn launch(&self) -> Launch {
-        let home = ("HOME".to_owned(), self.home.path().display().to_string());
-        Launch { program: env!("CARGO_BIN_EXE_grainrig").into(), environment: vec![home] }
-    }
-
+    /// Opens it; the real program is the camera's process.
     pub fn open(&self) -> Result<GphotoCamera, RigError> {
-        GphotoCamera::open(&self.settings, self.launch())
+        GphotoCamera::open(&self.settings, Launch { program: env!("CARGO_BIN_EXE_grainrig").into() })
     }
 
     pub fn look_at(&self, scene: usize) {

@@ -4,9 +4,11 @@
 
 use crate::bench::{Bench, SCENES, scene};
 use crate::conformance::conforms;
-use crate::kit::pictures;
+use crate::kit::{Lab, VIEWS, pictures};
 use grainrig::rig::v4l::{PixelFormat, Settings, V4lCamera};
 use grainrig::rig::{Camera as _, Encoding, RigError};
+use grainrig::session::State;
+use grainrig::session::event::Happening;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -209,4 +211,47 @@ fn what_stays_is_told_with_its_remedy() {
     assert!(cause.contains("cut off"), "{cause}");
     fault("");
     shows(&mut camera, 2);
+}
+
+#[test]
+fn a_run_of_the_real_program_shows_each_view_at_its_own_angle() {
+    let Some(library) = library() else { return };
+    let lab = Lab::new();
+    let folder = lab.path("video");
+    std::fs::create_dir(&folder).unwrap();
+    let put = |n: usize| {
+        let new = folder.join("new");
+        std::fs::write(&new, &pictures()[n]).unwrap();
+        std::fs::rename(new, folder.join("frame")).unwrap();
+    };
+    put(0);
+    let device = format!("device = '{}'", folder.join("video9").display());
+    let rig = ["kind = 'hardware'", "stage = 'simulated'", "camera = 'v4l2'"].map(|line| ("rig", line));
+    let video = [&device, "width = 324", "height = 216", "shot_s = 20.0"].map(|line| ("v4l2", line));
+    // A move takes more than a second, in which the scene changes.
+    let changes = [&rig[..], &video[..], &[("simulated", "realtime = true")]].concat();
+    let mut command = lab.command(&["--config", &lab.config(&changes), "capture", "a"]);
+    command.env("LD_PRELOAD", library).env(DEVICE, folder.join("video9")).env(FOLDER, &folder);
+    let mut running =
+        command.stdout(std::process::Stdio::null()).stderr(std::process::Stdio::null()).spawn().unwrap();
+    let ended = loop {
+        if let Some(status) = running.try_wait().unwrap() {
+            break status;
+        }
+        if let Ok(recording) = grainrig::session::Recording::read(&lab.session("a")) {
+            let view = |what: &Happening| match what {
+                Happening::Moving { view, .. } => Some(*view),
+                _ => None,
+            };
+            put(recording.events().iter().rev().find_map(|e| view(&e.what)).unwrap_or(0));
+        }
+        std::thread::yield_now();
+    };
+    assert!(ended.success());
+    let recording = lab.recording("a");
+    assert_eq!((recording.state(), recording.views().len()), (State::Complete, VIEWS));
+    for n in 0..VIEWS {
+        assert!(recording.frame(n).unwrap().bytes == pictures()[n], "view {n} shows another angle");
+    }
+    assert!(recording.manifest().devices[1].contains("Simulated video camera"));
 }

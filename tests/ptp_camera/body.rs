@@ -191,6 +191,11 @@ impl Body {
         refused
     }
 
+    pub fn mend(&mut self) {
+        self.setup.faults.clear();
+        (self.refusals, self.full) = (0, false);
+    }
+
     /// Takes over the events; the number of this listener.
     pub fn listen(&mut self, listener: Sender<(Instant, Bytes)>) -> usize {
         self.listener = Some(listener);

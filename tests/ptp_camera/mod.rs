@@ -144,6 +144,10 @@ impl PtpCamera {
     pub fn iso(&self) -> String {
         self.body().iso()
     }
+    /// Somebody has mended whatever was wrong.
+    pub fn mend(&self) {
+        self.body().mend();
+    }
     /// Command connections so far.
     pub fn sessions(&self) -> usize {
         self.body().sessions

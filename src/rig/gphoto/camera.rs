@@ -85,7 +85,7 @@ impl GphotoCamera {
         match self.worker()?.ask(&Request::Capture, "deliver a picture", deadline)? {
             (Reply::Shot { names, notes }, files) => {
                 notes.iter().for_each(|note| tracing::warn!("camera: {note}"));
-                frame(names, files)
+                frame(&names, files)
             }
             (other, _) => {
                 Err(Failure::new(FailureKind::Transport, format!("a release was answered by {other:?}")))
@@ -149,7 +149,7 @@ fn known(serial: &str) -> &str {
 }
 
 /// The picture among an exposure's files, and the others beside it.
-fn frame(names: Vec<String>, mut files: Vec<Vec<u8>>) -> Result<Frame, Failure> {
+fn frame(names: &[String], mut files: Vec<Vec<u8>>) -> Result<Frame, Failure> {
     if names.len() != files.len() {
         let cause = format!("{} files were announced, {} came", names.len(), files.len());
         return Err(Failure::new(FailureKind::Transport, cause));
@@ -199,11 +199,11 @@ mod tests {
 
     #[test]
     fn the_jpeg_is_the_picture_wherever_it_stands_and_the_rest_is_kept_beside_it() {
-        let names = vec!["IMG_1.CR2".to_owned(), "IMG_1.JPG".into()];
-        let made = frame(names, vec![b"II*\0".to_vec(), JPEG.to_vec()]).unwrap();
+        let names = ["IMG_1.CR2".to_owned(), "IMG_1.JPG".into()];
+        let made = frame(&names, vec![b"II*\0".to_vec(), JPEG.to_vec()]).unwrap();
         let raw = OtherFile { extension: "cr2".into(), bytes: b"II*\0".to_vec() };
         assert_eq!((made.bytes, made.others), (JPEG.to_vec(), vec![raw]));
-        let alone = frame(vec!["IMG_1.CR2".into()], vec![b"II*\0".to_vec()]).unwrap_err();
+        let alone = frame(&names[..1], vec![b"II*\0".to_vec()]).unwrap_err();
         assert_eq!(alone.kind, FailureKind::BadPicture);
     }
 
@@ -220,7 +220,7 @@ mod tests {
         let settings = Settings { retry_s: vec![0.0], start_s: 0.1, ..Settings::default() };
         // One ends at once, one says something else, one says nothing at all, one is not there.
         for program in ["/bin/true", "/bin/ls", "/bin/cat", "/nonexistent"] {
-            let launch = Launch { program: program.into(), environment: Vec::new() };
+            let launch = Launch { program: program.into() };
             let Err(RigError::Suspended { cause, remedy, .. }) = GphotoCamera::open(&settings, launch) else {
                 panic!("{program} opened")
             };

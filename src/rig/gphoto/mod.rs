@@ -12,6 +12,7 @@
 //! This side has no line of C in it and is part of every build. The child's side is the feature `gphoto2`.
 
 mod camera;
+mod home;
 mod message;
 mod policy;
 mod settings;

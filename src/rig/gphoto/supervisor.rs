@@ -1,5 +1,6 @@
 //! The child process: started, asked with a deadline, killed.
 
+use super::home::Home;
 use super::message::{Failure, FailureKind, Reply, Request};
 use super::wire::{self, Kind};
 use std::collections::VecDeque;
@@ -25,17 +26,12 @@ const LAST_WORDS: usize = 400;
 pub struct Launch {
     /// The program, which is this one.
     pub program: PathBuf,
-    /// Variables of its environment that differ from this program's. libgphoto2 keeps settings below `HOME`.
-    pub environment: Vec<(String, String)>,
 }
 
 impl Launch {
-    /// This program itself.
-    ///
-    /// # Errors
-    /// The system's reason why it does not say which file that is.
-    pub fn this_program() -> std::io::Result<Self> {
-        Ok(Self { program: std::env::current_exe()?, environment: Vec::new() })
+    /// This program itself: the very one that runs, though another version may have taken its place on the disk since.
+    pub fn this_program() -> Self {
+        Self { program: "/proc/self/exe".into() }
     }
 }
 
@@ -45,6 +41,8 @@ pub(super) struct Worker {
     requests: Option<ChildStdin>,
     incoming: Receiver<Incoming>,
     last_words: Arc<Mutex<VecDeque<u8>>>,
+    /// Goes away after the child.
+    _home: Home,
 }
 
 enum Incoming {
@@ -64,11 +62,13 @@ impl Worker {
             let cause = format!("the camera's process {} does not start: {e}", launch.program.display());
             Failure::new(FailureKind::Transport, cause)
         };
+        let home = Home::make().map_err(failed)?;
         let mut child = Command::new(&launch.program)
+            .arg0("grainrig")
             .arg("camera-worker")
             // The library translates the names of choices otherwise.
             .envs([("LANGUAGE", "C"), ("LC_ALL", "C")])
-            .envs(launch.environment.iter().map(|(k, v)| (k, v)))
+            .env("HOME", home.path())
             // Ctrl-C ends the run after the view in hand, which needs its camera.
             .process_group(0)
             .stdin(Stdio::piped())
@@ -86,7 +86,7 @@ impl Worker {
             let kept = Arc::clone(&last_words);
             std::thread::spawn(move || listen(said, &kept));
         }
-        let mut worker = Self { child: Some(child), requests, incoming, last_words };
+        let mut worker = Self { child: Some(child), requests, incoming, last_words, _home: home };
         match worker.answer("start", deadline)? {
             (Reply::Ready, _) => Ok(worker),
             (other, _) => Err(unexpected(&other)),

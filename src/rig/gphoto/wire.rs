@@ -53,9 +53,13 @@ fn too_long(bytes: impl std::fmt::Display) -> String {
 /// nothing on the stream can be trusted.
 pub(super) fn read(from: &mut impl Read) -> Result<Option<(Kind, Vec<u8>)>> {
     let mut head = [0; 5];
-    match from.read(&mut head[..1])? {
-        0 => return Ok(None),
-        _ => from.read_exact(&mut head[1..])?,
+    loop {
+        match from.read(&mut head[..1]) {
+            Ok(0) => return Ok(None),
+            Ok(_) => break from.read_exact(&mut head[1..])?,
+            Err(e) if e.kind() == ErrorKind::Interrupted => {}
+            Err(e) => return Err(e),
+        }
     }
     let damaged = |what: String| Error::new(ErrorKind::InvalidData, what);
     let length = u32::from_le_bytes([head[0], head[1], head[2], head[3]]);

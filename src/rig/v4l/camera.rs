@@ -156,21 +156,17 @@ impl V4lCamera {
             if trouble.reopen {
                 self.owner = None;
             }
-            match waits.next().filter(|_| !trouble.lasting && !self.given_up) {
-                Some(wait) => {
-                    tracing::warn!("{}; trying again in {wait} s", trouble.cause);
-                    std::thread::sleep(Duration::from_secs_f64(wait));
-                }
-                None => {
-                    self.given_up = true;
-                    let often = if tries > 1 { format!(" ({tries} tries)") } else { String::new() };
-                    return Err(RigError::Suspended {
-                        cause: trouble.cause + &often,
-                        remedy: trouble.remedy.to_owned(),
-                        retry: Duration::from_secs_f64(self.settings.suspend_s),
-                    });
-                }
-            }
+            let Some(wait) = waits.next().filter(|_| !trouble.lasting && !self.given_up) else {
+                self.given_up = true;
+                let often = if tries > 1 { format!(" ({tries} tries)") } else { String::new() };
+                return Err(RigError::Suspended {
+                    cause: trouble.cause + &often,
+                    remedy: trouble.remedy.to_owned(),
+                    retry: Duration::from_secs_f64(self.settings.suspend_s),
+                });
+            };
+            tracing::warn!("{}; trying again in {wait} s", trouble.cause);
+            std::thread::sleep(Duration::from_secs_f64(wait));
         }
     }
 }

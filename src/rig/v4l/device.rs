@@ -31,7 +31,7 @@ pub(super) struct Device {
     settings: Settings,
     path: PathBuf,
     card: String,
-    device: v4l::Device,
+    node: v4l::Device,
     /// By their names.
     controls: BTreeMap<String, Description>,
     /// Bytes from one row to the next.
@@ -141,7 +141,7 @@ impl Device {
             settings: settings.clone(),
             path,
             card: caps.card,
-            device,
+            node: device,
             controls: known.into_iter().map(|d| (plain(&d.name), d)).collect(),
             stride: got.stride as usize,
             interval: Duration::from_secs_f64(interval.clamp(0.0, 1.0)),
@@ -172,8 +172,7 @@ impl Device {
     fn stream(&mut self) -> Result<&mut Frames, Trouble> {
         if self.frames.is_none() {
             let patience = Duration::from_secs_f64(self.settings.frame_s);
-            let begun =
-                Frames::begin(&self.device, patience).map_err(|e| trouble("stream", &self.path, &e))?;
+            let begun = Frames::begin(&self.node, patience).map_err(|e| trouble("stream", &self.path, &e))?;
             self.frames = Some(begun);
         }
         let gone = || Trouble::device("the stream is gone", CABLE);
@@ -199,7 +198,7 @@ impl Device {
                 Type::Boolean => Value::Boolean(wanted != 0),
                 _ => Value::Integer(wanted),
             };
-            self.device.set_control(Control { id: control.id, value }).map_err(|e| {
+            self.node.set_control(Control { id: control.id, value }).map_err(|e| {
                 let limits = format!("{} to {}", control.minimum, control.maximum);
                 let inactive = if control.flags.contains(ControlFlags::INACTIVE) {
                     "; it can't be set while an automatic one governs it"
@@ -219,7 +218,7 @@ impl Device {
     }
 
     fn value(&self, name: &str, control: &Description) -> Result<i64, Trouble> {
-        match self.device.control(control.id).map(|c| c.value) {
+        match self.node.control(control.id).map(|c| c.value) {
             Ok(Value::Integer(value)) => Ok(value),
             Ok(Value::Boolean(value)) => Ok(value.into()),
             Ok(_) => Err(Trouble::lasting(format!("the video camera's {name} is no number"), SETTINGS)),

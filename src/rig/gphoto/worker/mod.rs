@@ -54,7 +54,7 @@ fn serve() -> Result<()> {
         match request {
             Request::Open { settings, after_failure } => {
                 // One camera at a time.
-                drop(body.take());
+                body = None;
                 match Body::open(*settings, after_failure) {
                     Ok((opened, answer)) => {
                         body = Some(opened);
