@@ -2,7 +2,8 @@
 
 use super::Common;
 use super::output::{print, print_json};
-use crate::daemon;
+use crate::daemon::{self, DeviceLine};
+use crate::rig::discovery::Role;
 use anyhow::Result;
 
 pub(super) fn run(common: &Common) -> Result<()> {
@@ -10,7 +11,19 @@ pub(super) fn run(common: &Common) -> Result<()> {
     if common.json {
         return print_json(&devices);
     }
-    let lines: Vec<String> =
-        devices.iter().map(|d| format!("{:<7} {:<10} {}\n", d.role, d.kind, d.name)).collect();
+    let lines: Vec<String> = devices.iter().map(line).collect();
     print(&lines.concat())
+}
+
+/// One device: whether it is used, what it is, and why it can't be opened.
+fn line(d: &DeviceLine) -> String {
+    let used = if d.configured { '*' } else { ' ' };
+    let role = match d.role {
+        Role::Stage => "stage",
+        Role::Camera => "camera",
+    };
+    let path = d.path.as_ref().map_or_else(String::new, |p| format!("  {}", p.display()));
+    let barred = if d.permitted { "" } else { "  (not permitted: `grainrig doctor` says what to do)" };
+    let held = d.held_by.as_ref().map_or_else(String::new, |by| format!("  (held by {by})"));
+    format!("{used} {role:<7} {:<19} {}{path}{barred}{held}\n", d.driver, d.name)
 }

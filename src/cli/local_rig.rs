@@ -11,9 +11,10 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Settings that belong to whoever runs the daemon: how it is reached, and files of its computer.
-const NOT_A_CLIENTS: [&str; 5] =
-    ["/serve", "/simulated/grain_stl", "/gphoto2/port", "/gphoto2/model", "/v4l2/device"];
+/// Settings that belong to whoever runs the daemon: how it is reached, its hardware with its limits, and files of its
+/// computer.
+const NOT_A_CLIENTS: [&str; 7] =
+    ["/serve", "/rig", "/controller", "/grbl", "/gphoto2", "/v4l2", "/simulated/grain_stl"];
 
 /// The host as the server sees it.
 pub(super) struct LocalRig {
@@ -90,6 +91,18 @@ impl Rig for LocalRig {
 
     fn abort(&self) -> Result<(), Refusal> {
         self.host.abort().map_err(|e| self.host_refused(&e))
+    }
+
+    fn devices(&self) -> Result<Value, Refusal> {
+        self.host.devices().map(|all| json!(all)).map_err(|e| self.host_refused(&e))
+    }
+
+    fn doctor(&self) -> Result<Value, Refusal> {
+        let mut all = self.host.doctor().map_err(|e| self.host_refused(&e))?;
+        for finding in &mut all {
+            finding.found = self.places.hidden(&finding.found);
+        }
+        Ok(json!(all))
     }
 
     fn sessions(&self) -> Result<Value, Refusal> {

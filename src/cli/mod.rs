@@ -3,6 +3,7 @@
 mod calibrate;
 mod capture;
 mod devices;
+mod doctor;
 mod help;
 mod import;
 mod local_rig;
@@ -115,8 +116,11 @@ enum Command {
     Calibrate(calibrate::Arguments),
     /// Study the method on bodies of known volume.
     Study(study::Arguments),
-    /// Show which devices are there.
+    /// Show which devices are there, whether they may be opened, and who holds them.
     Devices,
+    /// Look at everything that a run needs, and say what to do about what is wrong. The stage makes a step and comes back, the
+    /// camera takes a picture, which is not kept.
+    Doctor,
     /// The process in which a DSLR is driven; started by this program.
     #[command(hide = true)]
     CameraWorker,
@@ -184,6 +188,7 @@ pub fn run() -> ExitCode {
         Command::Calibrate(a) => calibrate::run(common, a),
         Command::Study(a) => study::run(common, &a),
         Command::Devices => devices::run(common),
+        Command::Doctor => doctor::run(common),
         Command::CameraWorker => Ok(()),
     };
     match outcome {

@@ -2,11 +2,13 @@
 
 use crate::config::{CameraKind, Config, RigKind, StageKind};
 use crate::geometry::Angle;
+use crate::rig::discovery::{Role, discover};
 use crate::rig::gphoto::{GphotoCamera, Launch};
 use crate::rig::simulated::{self, TruthHandle};
 use crate::rig::v4l::V4lCamera;
 use crate::rig::{Camera, RigError, RotationStage, controller, grbl};
 use serde::Serialize;
+use std::path::{Path, PathBuf};
 
 /// An open rig.
 pub(super) struct Rig {
@@ -79,25 +81,68 @@ impl RotationStage for Seen {
 #[derive(Debug, Clone, Serialize)]
 pub struct DeviceLine {
     /// `stage` or `camera`.
-    pub role: &'static str,
-    /// The kind of rig that it belongs to.
-    pub kind: &'static str,
+    pub role: Role,
+    /// The driver that it is for.
+    pub driver: &'static str,
     /// As it describes itself.
     pub name: String,
+    /// Its device file; none of the simulated ones.
+    pub path: Option<PathBuf>,
+    /// Whether this account may open it.
+    pub permitted: bool,
+    /// Another program that has it open.
+    pub held_by: Option<String>,
     /// Whether this configuration uses it.
     pub configured: bool,
 }
 
-/// The devices that this configuration can open.
+/// The devices that are there: the simulated ones, and what is plugged in. No hardware is opened.
 ///
 /// # Errors
-/// [`RigError`] where the configured rig can't be opened.
+/// [`RigError`] where the simulated rig can't be set up.
 pub fn devices(config: &Config) -> Result<Vec<DeviceLine>, RigError> {
-    let rig = open(config)?;
-    let kind = match config.rig.kind {
-        RigKind::Simulated => "simulated",
-        RigKind::Hardware => "hardware",
+    let (stage, camera, _) = simulated::open(&config.simulated)?;
+    let hardware = config.rig.kind == RigKind::Hardware;
+    let simulated = |role, name, configured| DeviceLine {
+        role,
+        driver: "simulated",
+        name,
+        path: None,
+        permitted: true,
+        held_by: None,
+        configured,
     };
-    let line = |role, name| DeviceLine { role, kind, name, configured: true };
-    Ok(vec![line("stage", rig.stage.describe()), line("camera", rig.camera.describe())])
+    let mut all = vec![
+        simulated(Role::Stage, stage.describe(), !hardware || config.rig.stage == StageKind::Simulated),
+        simulated(Role::Camera, camera.describe(), !hardware || config.rig.camera == CameraKind::Simulated),
+    ];
+    let same = |found: &Path, named: &Path| {
+        found == named || found.canonicalize().is_ok_and(|p| named.canonicalize().is_ok_and(|q| p == q))
+    };
+    all.extend(discover(Path::new("/")).into_iter().map(|found| {
+        let configured = hardware
+            && match found.driver {
+                "gphoto2" => config.rig.camera == CameraKind::Gphoto2,
+                "v4l2" => {
+                    let named = &config.v4l2.device;
+                    config.rig.camera == CameraKind::V4l2
+                        && (named.as_os_str().is_empty() || same(&found.path, named))
+                }
+                _ => match config.rig.stage {
+                    StageKind::Controller => same(&found.path, Path::new(&config.controller.port)),
+                    StageKind::Grbl => same(&found.path, Path::new(&config.grbl.port)),
+                    StageKind::Simulated => false,
+                },
+            };
+        DeviceLine {
+            role: found.role,
+            driver: found.driver,
+            name: found.name,
+            path: Some(found.path),
+            permitted: found.permitted,
+            held_by: found.held_by,
+            configured,
+        }
+    }));
+    Ok(all)
 }

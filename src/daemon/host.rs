@@ -1,7 +1,7 @@
 //! The rig's one job at a time, begun by one client and watched by all.
 
 use super::live::{Begun, begin};
-use super::{DaemonError, Watcher};
+use super::{DaemonError, DeviceLine, Finding, Watcher, devices, doctor};
 use crate::acquire::{Control, Phase};
 use crate::config::{Config, ConfigError};
 use crate::session::Store;
@@ -10,7 +10,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Duration;
 
 /// Runs one capture at a time on a thread of its own.
@@ -19,6 +19,8 @@ pub struct Host {
     config: Config,
     watcher: Watcher,
     job: Mutex<Option<Job>>,
+    /// Held while the rig is looked at: no run begins meanwhile.
+    examined: Mutex<()>,
     /// The program ends: no run begins any more.
     closed: AtomicBool,
 }
@@ -58,7 +60,8 @@ pub enum HostError {
 impl Host {
     /// A host of sessions in `data`, captured as `config` says; `watcher` is told of every run's events.
     pub fn new(data: PathBuf, config: Config, watcher: Watcher) -> Self {
-        Self { data, config, watcher, job: Mutex::new(None), closed: AtomicBool::new(false) }
+        let (job, examined) = (Mutex::new(None), Mutex::new(()));
+        Self { data, config, watcher, job, examined, closed: AtomicBool::new(false) }
     }
 
     /// The sessions.
@@ -80,6 +83,7 @@ impl Host {
         name: &str,
         overrides: serde_json::Map<String, serde_json::Value>,
     ) -> Result<String, HostError> {
+        let _at_the_rig = self.rig_alone()?;
         let mut job = self.job();
         if self.closed.load(Ordering::Acquire) {
             return Err(HostError::NotNow("the program is ending; start it again, then the run"));
@@ -105,6 +109,37 @@ impl Host {
             .map_err(|source| DaemonError::Thread { source })?;
         *job = Some(Job { session: name.to_owned(), control, told, thread });
         Ok(name.to_owned())
+    }
+
+    /// The right to open the rig: given back when it is dropped.
+    fn rig_alone(&self) -> Result<MutexGuard<'_, ()>, HostError> {
+        match self.examined.try_lock() {
+            Ok(alone) => Ok(alone),
+            Err(TryLockError::Poisoned(left)) => Ok(left.into_inner()),
+            Err(TryLockError::WouldBlock) => {
+                Err(HostError::NotNow("the rig is being looked at; it takes a few seconds"))
+            }
+        }
+    }
+
+    /// The devices that are there; none is opened.
+    ///
+    /// # Errors
+    /// [`HostError::Daemon`] where the simulated rig can't be set up.
+    pub fn devices(&self) -> Result<Vec<DeviceLine>, HostError> {
+        devices(&self.config).map_err(|e| HostError::Daemon(DaemonError::Rig(e)))
+    }
+
+    /// Looks at everything that a run needs; the stage makes a step and comes back, the camera takes a picture.
+    ///
+    /// # Errors
+    /// [`HostError::Busy`] while a run goes on, [`HostError::NotNow`] while the rig is looked at already.
+    pub fn doctor(&self) -> Result<Vec<Finding>, HostError> {
+        let _at_the_rig = self.rig_alone()?;
+        if let Some(running) = self.job().as_ref().filter(|j| !j.is_over()) {
+            return Err(HostError::Busy(running.session.clone()));
+        }
+        Ok(doctor(&self.config, &self.data, &mut |_| {}))
     }
 
     /// Pauses the run before its next step.

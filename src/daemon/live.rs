@@ -25,7 +25,7 @@ const FRAME_BYTES: u64 = 24 << 20;
 const RAW_BYTES: u64 = 40 << 20;
 
 /// What one view of this configuration takes on the disk, bytes.
-fn view_bytes(config: &Config) -> u64 {
+pub(super) fn view_bytes(config: &Config) -> u64 {
     let of_dslr = config.rig.kind == RigKind::Hardware && config.rig.camera == CameraKind::Gphoto2;
     FRAME_BYTES + if of_dslr { RAW_BYTES } else { 0 }
 }

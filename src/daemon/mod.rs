@@ -1,6 +1,7 @@
 //! Owns the one rig and its one job at a time; what both the command line and the server drive.
 
 mod devices;
+mod doctor;
 mod finish;
 mod host;
 mod importing;
@@ -12,6 +13,7 @@ mod scale_file;
 mod scaling;
 
 pub use devices::{DeviceLine, devices};
+pub use doctor::{Finding, Health, doctor};
 pub use finish::{Finished, RESULT};
 pub use host::{Host, HostError};
 pub use importing::{ImportGeometry, import};

@@ -4,6 +4,7 @@
 //! device; calls block.
 
 pub mod controller;
+pub mod discovery;
 pub mod gphoto;
 pub mod grbl;
 mod holder;

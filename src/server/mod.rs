@@ -75,6 +75,18 @@ pub trait Rig: Send + Sync + 'static {
     /// [`RefusalKind::Busy`] when there is none.
     fn abort(&self) -> Result<(), Refusal>;
 
+    /// The devices that are there: a JSON array of objects.
+    ///
+    /// # Errors
+    /// [`RefusalKind::Failed`] where they can't be listed.
+    fn devices(&self) -> Result<serde_json::Value, Refusal>;
+
+    /// Looks at everything that a run needs: a JSON array of findings with `check`, `health`, `found` and `remedy`.
+    ///
+    /// # Errors
+    /// [`RefusalKind::Busy`] while a run goes on.
+    fn doctor(&self) -> Result<serde_json::Value, Refusal>;
+
     /// The sessions in the data folder: a JSON array of objects with at least `name`; the page also shows
     /// `created`, `captured`, `planned`, `state` and `damage` where they are there.
     ///

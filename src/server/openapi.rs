@@ -18,6 +18,8 @@ use super::{RunRequest, RunStarted, routes, stream};
         routes::pause,
         routes::resume,
         routes::abort,
+        routes::devices,
+        routes::doctor,
         routes::sessions,
         routes::session,
         routes::frame,

@@ -44,6 +44,8 @@ pub(super) fn router(app: App) -> Router {
         .route("/runs/current/pause", post(pause))
         .route("/runs/current/resume", post(resume))
         .route("/runs/current/abort", post(abort))
+        .route("/devices", get(devices))
+        .route("/doctor", post(doctor))
         .route("/sessions", get(sessions))
         .route("/sessions/{id}", get(session))
         .route("/sessions/{id}/frames/{file}", get(frame))
@@ -134,6 +136,26 @@ pub(super) async fn resume(State(app): State<App>) -> Result<StatusCode, ServerE
 ))]
 pub(super) async fn abort(State(app): State<App>) -> Result<StatusCode, ServerError> {
     on_rig(&app, Rig::abort).await.map(|_| StatusCode::NO_CONTENT)
+}
+
+/// The devices that are there; none is opened.
+#[utoipa::path(get, path = "/api/v1/devices", tag = "rig", responses(
+    (status = 200, description = "The devices", body = Vec<Object>),
+    (status = 401, description = "No token", body = ErrorBody),
+))]
+pub(super) async fn devices(State(app): State<App>) -> Result<Json<serde_json::Value>, ServerError> {
+    on_rig(&app, Rig::devices).await
+}
+
+/// Looks at everything that a run needs: the stage makes a step and comes back, the camera takes a picture.
+#[utoipa::path(post, path = "/api/v1/doctor", tag = "rig", responses(
+    (status = 200, description = "What was found", body = Vec<Object>),
+    (status = 401, description = "No token", body = ErrorBody),
+    (status = 403, description = "Sent by another site's page", body = ErrorBody),
+    (status = 409, description = "The rig is busy", body = ErrorBody),
+))]
+pub(super) async fn doctor(State(app): State<App>) -> Result<Json<serde_json::Value>, ServerError> {
+    on_rig(&app, Rig::doctor).await
 }
 
 /// The sessions in the data folder.

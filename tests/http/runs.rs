@@ -143,6 +143,37 @@ fn a_run_is_paused_resumed_and_aborted_and_goes_on_from_the_command_line() {
 }
 
 #[test]
+fn the_rig_is_looked_at_between_runs_and_its_hardware_is_the_hosts() {
+    let lab = Lab::new(SMALL);
+    let daemon = lab.serve();
+    let (code, devices) = daemon.get("/devices");
+    assert_eq!(
+        (code, &devices[0]["driver"], &devices[0]["configured"]),
+        (200, &json!("simulated"), &json!(true))
+    );
+    let (code, findings) = daemon.post("/doctor", None);
+    assert_eq!(code, 200, "{findings}");
+    let health = |check: &str| {
+        let found = findings.as_array().unwrap().iter().find(|f| f["check"] == check);
+        found.unwrap_or_else(|| panic!("{check} is missing from {findings}"))["health"].clone()
+    };
+    for check in ["disk", "stage", "camera", "movement", "test shot"] {
+        assert_eq!(health(check), "good", "{check}");
+    }
+    for setting in
+        [json!({ "controller": { "limits_deg": [-1e4, 1e4] } }), json!({ "rig": { "kind": "hardware" } })]
+    {
+        let (code, body) = daemon.start("taken-over", setting);
+        assert_eq!((code, &body["error"]["kind"]), (400, &json!("invalid")), "{body}");
+    }
+    let mut stream = daemon.events(None);
+    assert_eq!(daemon.start("quartz", slow()).0, 201);
+    stream.until("captured");
+    let (code, body) = daemon.post("/doctor", None);
+    assert_eq!((code, &body["error"]["kind"]), (409, &json!("busy")), "{body}");
+}
+
+#[test]
 fn of_runs_that_are_begun_at_once_one_begins() {
     let lab = Lab::new(SMALL);
     let daemon = lab.serve();

@@ -74,6 +74,14 @@ impl Rig for FakeRig {
         self.change(RunState::Running, Happening::Aborted)
     }
 
+    fn devices(&self) -> Result<Value, Refusal> {
+        Ok(json!([]))
+    }
+
+    fn doctor(&self) -> Result<Value, Refusal> {
+        Ok(json!([]))
+    }
+
     fn sessions(&self) -> Result<Value, Refusal> {
         Ok(json!([{ "name": "quartz" }]))
     }

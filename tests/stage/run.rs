@@ -29,3 +29,36 @@ fn a_grain_is_captured_by_the_real_firmware_as_by_the_simulated_stage() {
     assert_eq!(state["position"], 1600, "half a turn, for the closing view");
     assert_eq!(state["current"], false);
 }
+
+#[test]
+fn the_doctor_finds_a_board_healthy_and_says_what_ails_one_that_is_not() {
+    let Some(mut board) = Board::start(0, -1_000_000) else { return };
+    let lab = Lab::new();
+    lab.write("one.toml", config(&board, true));
+    let told = lab.run(&["--config", "one.toml", "doctor"]).succeeds().stdout;
+    for part in [
+        "disk         good",
+        "stage        good       stage controller 1.0.0",
+        "movement     good",
+        "324 × 270 px",
+    ] {
+        assert!(told.contains(part), "{part:?} is missing from {told}");
+    }
+    let state = board.state();
+    assert_eq!(state["position"], 0, "there and back");
+    assert!(state["steps"].as_u64().unwrap() >= 16);
+    assert_eq!(state["current"], false);
+
+    board.tell("mute on");
+    let patient = config(&board, true).replace("boot_ms = 0", "boot_ms = 0\nreply_ms = 20\ntries = 2");
+    lab.write("mute.toml", patient);
+    let ran = lab.run(&["--json", "--config", "mute.toml", "doctor"]);
+    let ran = ran.fails(1, &["1 of ", "checks found something that a run would fail on"]);
+    let findings: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    let rig = findings.as_array().unwrap().iter().find(|f| f["check"] == "rig").unwrap();
+    assert_eq!(rig["health"], "bad");
+    assert!(rig["found"].as_str().unwrap().contains("no whole answer"), "{rig}");
+    assert!(rig["remedy"].as_str().unwrap().contains("firmware is on the board"), "{rig}");
+    let shot = findings.as_array().unwrap().iter().find(|f| f["check"] == "test shot").unwrap();
+    assert_eq!(shot["health"], "skipped");
+}
