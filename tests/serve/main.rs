@@ -192,6 +192,7 @@ fn the_description_has_every_route_and_no_loose_end() {
     }
     described.sort();
     let expected = [
+        "get /api/v1/devices",
         "get /api/v1/events",
         "get /api/v1/openapi.json",
         "get /api/v1/sessions",
@@ -200,6 +201,7 @@ fn the_description_has_every_route_and_no_loose_end() {
         "get /api/v1/sessions/{id}/previews/{file}",
         "get /api/v1/sessions/{id}/products/{file}",
         "get /api/v1/status",
+        "post /api/v1/doctor",
         "post /api/v1/runs",
         "post /api/v1/runs/current/abort",
         "post /api/v1/runs/current/pause",
