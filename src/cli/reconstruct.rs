@@ -16,7 +16,7 @@ pub struct MeshOptions {
     /// Largest circumradius of a surface facet, mm; by default 0.034 of the grain's equivalent diameter.
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     surface_size_mm: Option<f64>,
-    /// Smallest angle of a surface facet, degrees, up to 30; by default 15.
+    /// Smallest angle of a surface facet, degrees, up to 30; by default 25.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     facet_angle_deg: Option<f64>,
     /// Largest volume of a tetrahedron, mm³; by default what fits the surface's size.

@@ -70,7 +70,7 @@ impl Controls {
         let spacing = 0.0493 * diameter_mm;
         Self {
             surface_size_mm: spacing / SPACING_PER_SIZE,
-            facet_angle_deg: 15.0,
+            facet_angle_deg: 25.0,
             tet_volume_mm3: spacing.powi(3) / CUBES_PER_TET,
             size_at_contact_mm: None,
             contact_depth_mm: None,
@@ -94,7 +94,7 @@ impl Controls {
             return bad("tet_volume_mm3", self.tet_volume_mm3, "mm³", "positive and finite", remedy);
         }
         if !positive(self.facet_angle_deg) || self.facet_angle_deg > MOST_FACET_ANGLE_DEG {
-            let remedy = "15° is reached on most grains";
+            let remedy = "25° is reached on most grains";
             return bad("facet_angle_deg", self.facet_angle_deg, "°", "above 0° and at most 30°", remedy);
         }
         if let Some(size) = self.size_at_contact_mm
@@ -177,7 +177,7 @@ mod tests {
             assert!(Controls { facet_angle_deg: bad, ..good }.check().is_err());
         }
         let e = Controls { facet_angle_deg: 31.0, ..good }.check().unwrap_err().to_string();
-        assert!(e.contains("31 °") && e.contains("at most 30°") && e.contains("15°"), "{e}");
+        assert!(e.contains("31 °") && e.contains("at most 30°") && e.contains("25°"), "{e}");
     }
 
     #[test]

@@ -10,6 +10,7 @@ mod background;
 mod controls;
 mod cut;
 mod error;
+mod faces;
 mod octree;
 mod optimise;
 mod pieces;
@@ -106,14 +107,15 @@ fn on_lattice(
     progress(0.1);
     let field = cut::Field::new(body, Background::new(body, &tree)?)?;
     progress(0.3);
-    let (filled, mut spacings) = repair::fill(body, &field);
-    if filled.tets.is_empty() {
+    let filled = repair::fill(body, &field);
+    if filled.mesh.tets.is_empty() {
         // The few points inside were all warped onto the surface.
         return Err(MeshError::Empty { spacing_mm: sizes.surface_mm });
     }
     progress(0.5);
-    let mut mesh = pieces::largest(filled, &mut spacings);
-    optimise::improve(body, &Targets::new(controls, contacts), &spacings, &mut mesh);
+    let mut filled = pieces::largest(filled);
+    optimise::improve(body, &Targets::new(controls, contacts), &mut filled);
+    let mesh = filled.mesh;
     mesh.check()?;
     Ok(mesh)
 }
