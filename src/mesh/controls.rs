@@ -22,6 +22,9 @@ pub struct Controls {
     pub facet_angle_deg: f64,
     /// Largest volume of a tetrahedron, mm³.
     pub tet_volume_mm3: f64,
+    /// Largest distance between the mesh's surface and the body's, either way, mm; `None`: not promised.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distance_mm: Option<f64>,
     /// Largest circumradius of a surface facet where plates will touch the body, at its lowest and highest places in z,
     /// mm; from there the elements grow into the body. `None`: as everywhere.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -57,6 +60,8 @@ impl Broken {
         match self.name {
             "facet_angle_deg" => finer.iter_mut().for_each(|f| *f *= 0.97),
             "tet_volume_mm3" => finer[2] *= 0.98 * (self.promised / self.reached).cbrt(),
+            // Between flat pieces the distance falls with the size, on curved ones with its square.
+            "distance_mm" => finer[0] *= 0.95 * (self.promised / self.reached).powf(0.7).max(0.4),
             "size_at_contact_mm" => finer[1] *= 0.98 * self.promised / self.reached,
             _ => finer[0] *= 0.98 * self.promised / self.reached,
         }
@@ -72,6 +77,7 @@ impl Controls {
             surface_size_mm: spacing / SPACING_PER_SIZE,
             facet_angle_deg: 25.0,
             tet_volume_mm3: spacing.powi(3) / CUBES_PER_TET,
+            distance_mm: None,
             size_at_contact_mm: None,
             contact_depth_mm: None,
         }
@@ -97,6 +103,10 @@ impl Controls {
             let remedy = "25° is reached on most grains";
             return bad("facet_angle_deg", self.facet_angle_deg, "°", "above 0° and at most 30°", remedy);
         }
+        if let Some(distance) = self.distance_mm.filter(|d| !positive(*d)) {
+            let remedy = "a tenth of surface_size_mm is usual";
+            return bad("distance_mm", distance, "mm", "positive and finite", remedy);
+        }
         if let Some(size) = self.size_at_contact_mm
             && (!positive(size) || size > self.surface_size_mm)
         {
@@ -116,6 +126,19 @@ impl Controls {
             );
         }
         Ok(())
+    }
+
+    /// The promised distance, where the largest distance breaks it.
+    pub(super) fn too_far(&self, reached: f64) -> Option<Broken> {
+        let promised = self.distance_mm.filter(|promised| reached > *promised)?;
+        Some(Broken {
+            name: "distance_mm",
+            promised,
+            reached,
+            unit: "mm",
+            what: "largest distance between the mesh's surface and the body's",
+            remedy: "set it larger, or surface_size_mm smaller",
+        })
     }
 
     /// The first control that a mesh of this quality breaks, whose largest facet at the contacts has this circumradius.

@@ -8,7 +8,9 @@
 
 mod background;
 mod controls;
+mod crossing;
 mod cut;
+mod distance;
 mod error;
 mod faces;
 mod octree;
@@ -17,6 +19,7 @@ mod pieces;
 mod quality;
 mod repair;
 mod score;
+mod second;
 mod sizes;
 mod solid;
 mod star;
@@ -24,12 +27,14 @@ mod stencil;
 mod tetmesh;
 
 pub use controls::Controls;
+pub use distance::{Distance, Distances};
 pub use error::MeshError;
 pub use quality::{Dihedral, Quality};
-pub use solid::Solid;
+pub use second::{MIDDLES, SecondOrder};
+pub use solid::{MOST_TRIANGLES, Solid};
 pub use tetmesh::{FACES, Surface, TetFault, TetMesh};
 
-use crate::geometry::ImplicitBody;
+use crate::geometry::{ImplicitBody, Point};
 use background::Background;
 use octree::Octree;
 use sizes::{Contacts, Sizes};
@@ -65,14 +70,18 @@ pub fn mesh(
     for attempt in 0..ATTEMPTS {
         let sizes = Sizes::new(controls, contacts, finer);
         let mut told = |part: f64| progress((attempt as f64 + part) / ATTEMPTS as f64);
-        let mesh = match on_lattice(body, controls, &sizes, contacts, attempt, &mut told) {
+        let (mesh, places) = match on_lattice(body, controls, &sizes, contacts, attempt, &mut told) {
             Ok(mesh) => mesh,
             // What an earlier attempt made is good enough.
             Err(_) if poor.is_some() => break,
             Err(e) => return Err(e),
         };
         let quality = mesh.quality();
-        if let Some(broken) = controls.broken_by(&quality, contacts.map(|c| c.largest_facet_mm(&mesh))) {
+        let mut broken = controls.broken_by(&quality, contacts.map(|c| c.largest_facet_mm(&mesh)));
+        if broken.is_none() && controls.distance_mm.is_some() {
+            broken = controls.too_far(Distances::measure(body, &mesh, &places)?.max_mm());
+        }
+        if let Some(broken) = broken {
             broken.refine(&mut finer);
             last = Some(broken);
             continue;
@@ -93,7 +102,7 @@ pub fn mesh(
     Err(last.map_or(MeshError::Empty { spacing_mm: controls.surface_size_mm }, MeshError::Promise))
 }
 
-/// One attempt: a checked mesh, which may break the controls.
+/// One attempt: a checked mesh, which may break the controls, and places on the body's surface.
 fn on_lattice(
     body: &dyn ImplicitBody,
     controls: &Controls,
@@ -101,7 +110,7 @@ fn on_lattice(
     contacts: Option<Contacts>,
     attempt: usize,
     progress: &mut dyn FnMut(f64),
-) -> Result<TetMesh, MeshError> {
+) -> Result<(TetMesh, Vec<Point>), MeshError> {
     progress(0.0);
     let tree = Octree::over(body, sizes, attempt)?;
     progress(0.1);
@@ -117,5 +126,5 @@ fn on_lattice(
     optimise::improve(body, &Targets::new(controls, contacts), &mut filled);
     let mesh = filled.mesh;
     mesh.check()?;
-    Ok(mesh)
+    Ok((mesh, field.places()))
 }

@@ -52,6 +52,17 @@ const DIRECTIONS: [[f64; 3]; 14] = [
 const MEAN_OVER_CENTRE: f64 = 0.75;
 /// A surface node is moved off the surface by at most this part of a spacing.
 const MOST_LIFT: f64 = 0.1;
+/// Cosine (37°) between the planes around a node below which the body has an edge there.
+const SHARP: f64 = 0.8;
+/// A direction is decided by the planes if its eigenvalue is at least this part of the largest.
+const DECIDED: f64 = 0.08;
+/// Edges are looked for within this part of a spacing from a node.
+const EDGE_REACH: f64 = 0.45;
+/// The score that may be left at an edge, and parts of the way there that are tried.
+const AT_EDGE: f64 = 0.985;
+const TO_EDGE: [f64; 4] = [1.0, 0.75, 0.5, 0.25];
+/// Depth of a facet's centre over the root of twice its area below which there is no edge near.
+const SHALLOW: f64 = 0.02;
 
 /// What became of a node.
 enum Tried {
@@ -302,16 +313,11 @@ impl<'a> Smoother<'a> {
 
     /// Moves surface nodes off the surface by what the facets' middles lie within it (or beyond it, in a hollow), so that
     /// facets are neither inscribed nor circumscribed: the volume is right to second order, and the mean distance halved.
+    /// Where the body has an edge or a corner the node goes there instead.
     fn lift(&self, nodes: &mut [Point]) {
-        let depths: Vec<f64> = (self.facets.par_iter())
-            .map(|f| {
-                let [a, b, c] = f.map(|n| nodes[n as usize].coords);
-                let depth = -self.body.value(&((a + b + c) / 3.0).into());
-                if depth.is_finite() { depth } else { 0.0 }
-            })
-            .collect();
-        let on: Vec<u32> = (0..nodes.len() as u32).filter(|&v| !self.facets_of.get(v).is_empty()).collect();
-        let on: Vec<u32> = on.into_iter().filter(|&v| self.colour_of[v as usize] != INACTIVE).collect();
+        let planes: Vec<Tangent> = (self.facets.par_iter()).map(|f| self.tangent(nodes, f)).collect();
+        let on = |v: &u32| self.colour_of[*v as usize] != INACTIVE && !self.facets_of.get(*v).is_empty();
+        let on: Vec<u32> = (0..nodes.len() as u32).filter(on).collect();
         for colour in self.by_colour(&on) {
             let moves: Vec<Option<Point>> = (colour.par_iter())
                 .with_min_len(16)
@@ -320,13 +326,22 @@ impl<'a> Smoother<'a> {
                     let (from, spacing_mm) = (nodes[v as usize], self.spacings[v as usize]);
                     let targets = self.targets.at(spacing_mm);
                     let normal = star.normal(from, 1e-12 * spacing_mm * spacing_mm)?;
-                    let around = self.facets_of.get(v);
-                    let mean = around.iter().map(|&f| depths[f as usize]).sum::<f64>() / around.len() as f64;
+                    let around = self.facets_of.get(v).iter().map(|&f| planes[f as usize]);
+                    let count = around.len() as f64;
+                    let now = star.score(&targets, from, f64::NEG_INFINITY);
+                    if let Some(way) = to_edge(around.clone(), from, EDGE_REACH * spacing_mm) {
+                        for part in TO_EDGE {
+                            let to = from + way * part;
+                            if star.score(&targets, to, f64::NEG_INFINITY) >= now.min(AT_EDGE) {
+                                return Some(to);
+                            }
+                        }
+                        return None;
+                    }
+                    let mean = around.map(|p| p.depth).sum::<f64>() / count;
                     let most = MOST_LIFT * spacing_mm;
                     let to = from + normal * (MEAN_OVER_CENTRE * mean).clamp(-most, most);
-                    let now = star.score(&targets, from, f64::NEG_INFINITY);
-                    let then = star.score(&targets, to, f64::NEG_INFINITY);
-                    (then >= now.min(1.0)).then_some(to)
+                    (star.score(&targets, to, f64::NEG_INFINITY) >= now.min(1.0)).then_some(to)
                 })
                 .collect();
             for (&v, to) in colour.iter().zip(moves) {
@@ -335,5 +350,81 @@ impl<'a> Smoother<'a> {
                 }
             }
         }
+    }
+
+    /// The plane that touches the body nearest to a facet's centre.
+    fn tangent(&self, nodes: &[Point], facet: &[u32; 3]) -> Tangent {
+        let [a, b, c] = facet.map(|n| nodes[n as usize]);
+        let centre = Point::from((a.coords + b.coords + c.coords) / 3.0);
+        let across = (b - a).cross(&(c - a));
+        let depth = -self.body.value(&centre);
+        let flat = across.try_normalize(0.0).unwrap_or_else(Vector::zeros);
+        if !depth.is_finite() {
+            return Tangent { at: centre, normal: flat, depth: 0.0 };
+        }
+        // A shallow facet on a smooth body: its own plane tells as much as the body's slope would.
+        if depth.abs() < SHALLOW * across.norm().sqrt() {
+            return Tangent { at: centre + flat * depth, normal: flat, depth };
+        }
+        let step = 0.02 * across.norm().sqrt();
+        let at = centre + flat * depth;
+        let slope = Vector::from([0, 1, 2].map(|k| {
+            let mut d = Vector::zeros();
+            d[k] = step;
+            self.body.value(&(at + d)) - self.body.value(&(at - d))
+        }));
+        let normal = slope.try_normalize(0.0).filter(|n| n.iter().all(|x| x.is_finite())).unwrap_or(flat);
+        Tangent { at, normal, depth }
+    }
+}
+
+/// A plane that touches the body, and how deep the facet's centre lies below the body's surface, mm.
+#[derive(Debug, Clone, Copy)]
+struct Tangent {
+    at: Point,
+    normal: Vector,
+    depth: f64,
+}
+
+/// The way from a node to the edge or corner in which the planes around it meet: where the squares of its distances from
+/// them are least, moved only in directions that the planes decide (Garland and Heckbert 1997; Ohtake and Belyaev 2002).
+/// `None` where they are nearly one plane, or meet farther than `reach_mm` away.
+fn to_edge(planes: impl Iterator<Item = Tangent> + Clone, from: Point, reach_mm: f64) -> Option<Vector> {
+    let sharpest = planes.clone().flat_map(|p| planes.clone().map(move |q| p.normal.dot(&q.normal)));
+    if sharpest.fold(1.0, f64::min) > SHARP {
+        return None;
+    }
+    let (mut matrix, mut right) = (nalgebra::Matrix3::zeros(), Vector::zeros());
+    for p in planes {
+        matrix += p.normal * p.normal.transpose();
+        right += p.normal * p.normal.dot(&(p.at - from));
+    }
+    let eigen = matrix.symmetric_eigen();
+    let most = eigen.eigenvalues.max();
+    let mut way = Vector::zeros();
+    for k in 0..3 {
+        if eigen.eigenvalues[k] > DECIDED * most {
+            let d = eigen.eigenvectors.column(k);
+            way += d * (d.dot(&right) / eigen.eigenvalues[k]);
+        }
+    }
+    (way.norm() <= reach_mm).then_some(way)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn three_planes_meet_in_a_corner_and_two_in_an_edge() {
+        let plane = |n: [f64; 3]| Tangent { at: Point::from(n), normal: Vector::from(n), depth: 0.0 };
+        let from = Point::new(0.9, 0.9, 0.7);
+        let three = [[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]].map(plane);
+        let way = to_edge(three.into_iter(), from, 1.0).unwrap();
+        assert!((from + way - Point::new(1.0, 1.0, 1.0)).norm() < 1e-12);
+        let way = to_edge(three.into_iter().take(2), from, 1.0).unwrap();
+        assert!((from + way - Point::new(1.0, 1.0, 0.7)).norm() < 1e-12);
+        assert_eq!(to_edge(three.into_iter().take(1), from, 1.0), None);
+        assert_eq!(to_edge(three.into_iter(), from, 0.1), None);
     }
 }
