@@ -101,7 +101,7 @@ mod tests {
         assert_eq!(document["accessors"][0]["max"], json!([1.0, 1.0, 1.0]));
         let data = 20 + word(12) + 8;
         assert_eq!((&bytes[data - 4..data], word(data - 8)), (&b"BIN\0"[..], 48 + 48));
-        assert_eq!(f32::from_le_bytes(bytes[data + 16..data + 20].try_into().unwrap()), 1.0);
+        assert_eq!(bytes[data + 16..data + 20], 1f32.to_le_bytes());
         assert_eq!(word(data + 48 + 4), 1);
         assert!(matches!(write(&TriangleMesh::default(), &[], Vec::new()), Err(ExportError::Unfit { .. })));
     }

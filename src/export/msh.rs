@@ -50,7 +50,7 @@ pub fn write(
     let n = nodes.len();
     writeln!(out, "$Nodes\n1 {n} 1 {n}\n3 1 0 {n}")?;
     let mut text = String::new();
-    (1..=n).for_each(|i| drop(writeln!(text, "{i}")));
+    (1..=n).for_each(|i| row(&mut text, [i as u32]));
     for p in nodes {
         let _ = writeln!(text, "{:e} {:e} {:e}", p.x, p.y, p.z);
     }
@@ -63,26 +63,30 @@ pub fn write(
     text.clear();
     for (i, t) in surface.triangles.triangles.iter().enumerate() {
         let corners = t.map(|v| surface.nodes[v as usize]);
-        let _ = write!(text, "{}", i + 1);
-        corners.iter().for_each(|n| drop(write!(text, " {}", n + 1)));
-        if let Some(second) = &order {
-            middles(second, corners).iter().for_each(|n| drop(write!(text, " {}", n + 1)));
-        }
-        text.push('\n');
+        let more = order.as_ref().map_or(Vec::new(), |second| middles(second, corners));
+        let nodes = corners.into_iter().chain(more).map(|n| n + 1);
+        row(&mut text, std::iter::once(i as u32 + 1).chain(nodes));
     }
     let _ = writeln!(text, "3 1 {} {tets}", TETRAHEDRA[k]);
     for (i, t) in mesh.tets.iter().enumerate() {
-        let _ = write!(text, "{}", facets + i + 1);
+        let number = std::iter::once((facets + i + 1) as u32);
         if let Some(second) = &order {
-            GMSH.iter().for_each(|j| drop(write!(text, " {}", second.tets[i][*j] + 1)));
+            row(&mut text, number.chain(GMSH.map(|j| second.tets[i][j] + 1)));
         } else {
-            t.iter().for_each(|n| drop(write!(text, " {}", n + 1)));
+            row(&mut text, number.chain(t.map(|n| n + 1)));
         }
-        text.push('\n');
     }
     out.write_all(text.as_bytes())?;
     writeln!(out, "$EndElements")?;
     Ok(out.flush()?)
+}
+
+/// A line of numbers; writing to a string cannot fail.
+fn row(text: &mut String, numbers: impl IntoIterator<Item = u32>) {
+    for (i, n) in numbers.into_iter().enumerate() {
+        let _ = write!(text, "{}{n}", if i == 0 { "" } else { " " });
+    }
+    text.push('\n');
 }
 
 /// The nodes in the middles of a triangle's edges.

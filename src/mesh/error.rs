@@ -66,6 +66,17 @@ pub enum MeshError {
         "the mesher made a bad mesh ({0}); move the body a little or change surface_size_mm, and report it"
     )]
     Fault(#[from] TetFault),
+    /// There are not as many voxels as the volume's size says.
+    #[error(
+        "{count} voxels do not make a volume of {} × {} × {}; give as many as their product, at least one",
+        size[0], size[1], size[2]
+    )]
+    Voxels {
+        /// Voxels along x, y and z.
+        size: [usize; 3],
+        /// How many were given.
+        count: usize,
+    },
     /// The surface has more triangles than are worked on.
     #[error(
         "the surface has {count} triangles, more than {limit}; a mesh of a grain is decided by far fewer: decimate it to \

@@ -22,9 +22,11 @@ mod score;
 mod second;
 mod sizes;
 mod solid;
+mod spread;
 mod star;
 mod stencil;
 mod tetmesh;
+mod voxels;
 
 pub use controls::Controls;
 pub use distance::{Distance, Distances};
@@ -32,7 +34,9 @@ pub use error::MeshError;
 pub use quality::{Dihedral, Quality};
 pub use second::{MIDDLES, SecondOrder};
 pub use solid::{MOST_TRIANGLES, Solid};
+pub use spread::{Histogram, Spread};
 pub use tetmesh::{FACES, Surface, TetFault, TetMesh};
+pub use voxels::Voxels;
 
 use crate::geometry::{ImplicitBody, Point};
 use background::Background;

@@ -37,12 +37,22 @@ pub struct Dihedral {
 /// Cosine of a dihedral angle (56.6°) below which the first percentile is sought before all angles are looked at.
 const NARROW: f64 = 0.55;
 
-struct Measures {
+pub(super) struct Measures {
     /// Cosines of the dihedral angles.
-    cosines: [f64; 6],
-    radius_edge: f64,
-    altitude_mm: f64,
+    pub(super) cosines: [f64; 6],
+    pub(super) radius_edge: f64,
+    pub(super) altitude_mm: f64,
     volume_mm3: f64,
+}
+
+impl Quality {
+    /// The longest stable step of an explicit simulation of a linear elastic material, s: the time in which a pressure wave
+    /// of √(E (1 − ν) / ((1 + ν) (1 − 2 ν) ρ)) crosses the smallest altitude. Young's modulus in `MPa`, density in
+    /// tonne/mm³.
+    pub fn time_step_s(&self, young_mpa: f64, poisson: f64, density_t_mm3: f64) -> f64 {
+        let stiffness = young_mpa * (1.0 - poisson) / ((1.0 + poisson) * (1.0 - 2.0 * poisson));
+        self.altitude_min_mm / (stiffness / density_t_mm3).sqrt()
+    }
 }
 
 impl TetMesh {
@@ -80,7 +90,7 @@ impl TetMesh {
         }
     }
 
-    fn measure(&self, t: usize) -> Measures {
+    pub(super) fn measure(&self, t: usize) -> Measures {
         let p = self.corners(t);
         let n = score::face_vectors(&p);
         let volume_mm3 = score::volume(&p);
@@ -122,6 +132,8 @@ mod tests {
             (q.radius_edge, 6f64.sqrt() / 4.0),
             (q.altitude_min_mm, edge * (2.0f64 / 3.0).sqrt()),
             (q.tet_volume_mm3, 8.0 / 3.0),
+            // A wave of 1 mm/s, as ν = 0.
+            (q.time_step_s(4.0, 0.0, 4.0), edge * (2.0f64 / 3.0).sqrt()),
         ];
         for (i, (is, should)) in known.iter().enumerate() {
             assert!((is / should - 1.0).abs() < 1e-9, "{i}: {is} {should}");
