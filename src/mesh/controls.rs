@@ -34,10 +34,16 @@ pub struct Controls {
     pub contact_depth_mm: Option<f64>,
 }
 
+/// A figure as people read it.
+fn figure(x: f64) -> String {
+    if (0.01..1e4).contains(&x.abs()) { format!("{x:.4}") } else { format!("{x:.3e}") }
+}
+
 /// A control that the mesh does not keep.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error(
-    "{name} = {promised:.4} {unit} could not be kept: the best mesh has {reached:.4} {unit} ({what}); {remedy}"
+    "{name} = {} {unit} could not be kept: the last mesh tried has {} {unit} ({what}); {remedy}",
+    figure(*promised), figure(*reached)
 )]
 pub struct Broken {
     /// The control.
@@ -61,7 +67,7 @@ impl Broken {
             "facet_angle_deg" => finer.iter_mut().for_each(|f| *f *= 0.97),
             "tet_volume_mm3" => finer[2] *= 0.98 * (self.promised / self.reached).cbrt(),
             // Between flat pieces the distance falls with the size, on curved ones with its square.
-            "distance_mm" => finer[0] *= 0.95 * (self.promised / self.reached).powf(0.7).max(0.4),
+            "distance_mm" => finer[0] *= 0.95 * (self.promised / self.reached).powf(0.7),
             "size_at_contact_mm" => finer[1] *= 0.98 * self.promised / self.reached,
             _ => finer[0] *= 0.98 * self.promised / self.reached,
         }

@@ -46,16 +46,16 @@ use star::Targets;
 
 /// Attempts with a finer or shifted lattice before a promise is given up.
 const ATTEMPTS: usize = 5;
-/// A least dihedral angle below this is worth another attempt, degrees: almost every lattice gives twice as
-/// much, and one bad tetrahedron costs an explicit simulation its time step.
-const POOR_DIHEDRAL_DEG: f64 = 12.0;
+/// A least dihedral angle below this is worth another attempt, degrees: almost every lattice gives 25°, and one bad
+/// tetrahedron costs an explicit simulation its time step.
+const POOR_DIHEDRAL_DEG: f64 = 18.0;
 
 /// Fills a body with tetrahedra.
 ///
 /// Costs about 24 body values for each surface node and one for each lattice point near the surface (everywhere in the
 /// body's box where its [`steepness`](ImplicitBody::steepness) is not known), all in parallel; the same body and controls give the same bytes on any number of threads. Of a body in several
 /// pieces the largest is kept; [`TetMesh::dropped_pieces`] says how many were not. A mesh that keeps the
-/// controls with a dihedral angle below 12° is tried again on a shifted lattice, and the best is returned.
+/// controls with a dihedral angle below 18° is tried again on a shifted lattice, and the best is returned.
 /// `progress` is called with the part done, from 0 to 1, never falling.
 ///
 /// # Errors
@@ -78,6 +78,8 @@ pub fn mesh(
             Ok(mesh) => mesh,
             // What an earlier attempt made is good enough.
             Err(_) if poor.is_some() => break,
+            // What the promise would take is beyond memory: the promise is what is told.
+            Err(MeshError::TooMany { .. }) if last.is_some() => break,
             Err(e) => return Err(e),
         };
         let quality = mesh.quality();

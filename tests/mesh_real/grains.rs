@@ -76,7 +76,10 @@ fn a_promised_distance_is_kept_by_finer_elements_or_refused() {
     assert!(Distances::measure(&solid, &made, &places).unwrap().max_mm() < 1.5 * distance);
     let controls = Controls { distance_mm: Some(1e-9), ..base };
     let text = mesh(&solid, &controls, &mut |_| ()).unwrap_err().to_string();
-    assert!(text.contains("distance_mm") || text.contains("tetrahedra, more than"), "{text}");
+    assert!(
+        text.contains("distance_mm = 1.000e-9 mm could not be kept") && text.contains("surface_size_mm"),
+        "{text}"
+    );
 }
 
 #[test]
