@@ -49,6 +49,8 @@ const ATTEMPTS: usize = 5;
 /// A least dihedral angle below this is worth another attempt, degrees: almost every lattice gives 25°, and one bad
 /// tetrahedron costs an explicit simulation its time step.
 const POOR_DIHEDRAL_DEG: f64 = 18.0;
+/// Attempts until the best of them is taken all the same.
+const POOR_ATTEMPTS: usize = 3;
 
 /// Fills a body with tetrahedra.
 ///
@@ -96,7 +98,7 @@ pub fn mesh(
         if poor.as_ref().is_none_or(|(p, _)| least > *p) {
             poor = Some((least, mesh));
         }
-        if least >= POOR_DIHEDRAL_DEG {
+        if least >= POOR_DIHEDRAL_DEG || attempt + 1 >= POOR_ATTEMPTS {
             break;
         }
     }
