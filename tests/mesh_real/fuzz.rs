@@ -65,7 +65,7 @@ fn surface(random: &mut Random) -> TriangleMesh {
 /// Voxels filled where a few random balls are, or at random.
 fn voxels(random: &mut Random) -> Voxels {
     let size = [0; 3].map(|_| 1 + random.below(14));
-    let balls: Vec<([f64; 3], f64)> = (0..1 + random.below(5))
+    let balls: Vec<([f64; 3], f64)> = (0..=random.below(5))
         .map(|_| (size.map(|n| random.next() * n as f64), random.next() * 6.0))
         .collect();
     let part = if random.below(3) == 0 { random.next() } else { 0.0 };
