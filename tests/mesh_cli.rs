@@ -165,10 +165,11 @@ fn surfaces_without_an_inside_and_controls_that_contradict_are_refused() {
     let mut nan = written(&whole);
     nan[84 + 12..84 + 16].copy_from_slice(&f32::NAN.to_le_bytes());
     fs::write(at.join("nan.stl"), nan).unwrap();
-    // Ten million triangles: the header is enough.
+    // Ten million triangles: header and length are enough (the file has a hole for them).
     let mut many = vec![b' '; 84];
     many[80..84].copy_from_slice(&10_000_000u32.to_le_bytes());
     fs::write(at.join("many.stl"), many).unwrap();
+    fs::File::options().write(true).open(at.join("many.stl")).unwrap().set_len(84 + 50 * 10_000_000).unwrap();
 
     refused(at, &["mesh", "two.stl"], 1, &["two.stl", "cut one another", "repair it"]);
     refused(at, &["mesh", "sheet.stl"], 1, &["sheet.stl", "mm³"]);

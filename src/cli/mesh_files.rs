@@ -8,6 +8,7 @@ use crate::mesh::{MOST_TRIANGLES, MeshError, TetMesh};
 use crate::report::Sheet;
 use crate::session::write_whole;
 use anyhow::{Context as _, Result};
+use std::io::Read as _;
 use std::path::Path;
 
 /// Endings of surfaces that are read, and of everything that is written.
@@ -22,7 +23,19 @@ pub(super) fn ending(path: &Path) -> String {
 /// Reads a surface, or the surface of a mesh, in mm; and the file's bytes.
 pub(super) fn read(path: &Path, unit: Unit) -> Result<(TriangleMesh, Vec<u8>)> {
     let name = || path.display().to_string();
-    let bytes = std::fs::read(path).with_context(|| format!("cannot read {}; check the path", name()))?;
+    let missing = || format!("cannot read {}; check the path", name());
+    if ending(path) == "stl" {
+        // Said before the file is read, which takes memory.
+        let file = std::fs::File::open(path).with_context(missing)?;
+        let length = file.metadata().with_context(missing)?.len();
+        let mut header = Vec::new();
+        file.take(stl::HEADER as u64).read_to_end(&mut header).with_context(missing)?;
+        let count = stl::announced(&header, length).filter(|n| *n > MOST_TRIANGLES);
+        if let Some(count) = count.filter(|n| (stl::HEADER + stl::TRIANGLE * n) as u64 <= length) {
+            return Err(MeshError::Triangles { count, limit: MOST_TRIANGLES }).with_context(name);
+        }
+    }
+    let bytes = std::fs::read(path).with_context(missing)?;
     let of_mesh = |mesh: TetMesh| -> Result<TriangleMesh> {
         mesh.check().with_context(|| format!("{}: its tetrahedra are no mesh", name()))?;
         Ok(mesh.surface().triangles)
@@ -31,13 +44,7 @@ pub(super) fn read(path: &Path, unit: Unit) -> Result<(TriangleMesh, Vec<u8>)> {
         "ply" => ply::read(&bytes).with_context(name)?,
         "inp" => of_mesh(inp_read::read(&bytes).with_context(name)?)?,
         "msh" => of_mesh(msh::read(&bytes).with_context(name)?)?,
-        _ => {
-            // Said before the file is taken apart, which takes memory.
-            if let Some(count) = stl::announced(&bytes).filter(|n| *n > MOST_TRIANGLES) {
-                return Err(MeshError::Triangles { count, limit: MOST_TRIANGLES }).with_context(name);
-            }
-            stl::read(&bytes).with_context(name)?
-        }
+        _ => stl::read(&bytes).with_context(name)?,
     };
     surface.vertices.iter_mut().for_each(|p| p.coords *= unit.in_mm());
     Ok((surface, bytes))

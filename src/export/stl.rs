@@ -5,9 +5,10 @@ use crate::geometry::{Point, TriangleMesh};
 use std::collections::HashMap;
 use std::io::{Cursor, Write};
 
-/// Bytes before the first triangle, and of a triangle, in binary STL.
-const HEADER: usize = 84;
-const TRIANGLE: usize = 50;
+/// Bytes before the first triangle in binary STL.
+pub const HEADER: usize = 84;
+/// Bytes of a triangle in binary STL.
+pub const TRIANGLE: usize = 50;
 
 /// Writes binary STL. Coordinates are rounded to single precision, as the format has no other; the unit, mm, is said
 /// in the header.
@@ -66,7 +67,7 @@ fn unfit(what: String) -> ExportError {
 /// parse, no triangle, a coordinate that is not finite, or a triangle of no extent.
 pub fn read(bytes: &[u8]) -> Result<TriangleMesh, ExportError> {
     let bad = |what: String| Err(ExportError::Stl(what));
-    if let Some(count) = announced(bytes) {
+    if let Some(count) = announced(bytes, bytes.len() as u64) {
         let present = (bytes.len() - HEADER) / TRIANGLE;
         if count > present {
             return bad(format!(
@@ -106,12 +107,12 @@ pub fn read(bytes: &[u8]) -> Result<TriangleMesh, ExportError> {
     Ok(mesh)
 }
 
-/// The number of triangles that a binary file's header announces; `None` for text.
-pub fn announced(bytes: &[u8]) -> Option<usize> {
+/// The number of triangles that a binary file's header announces, by its first bytes and its length; `None` for text.
+pub fn announced(start: &[u8], length: u64) -> Option<usize> {
     // Some programs write binary files that begin with `solid` too: those have exactly the announced length.
-    let count = bytes.get(80..HEADER)?;
+    let count = start.get(80..HEADER)?;
     let count = u32::from_le_bytes([count[0], count[1], count[2], count[3]]) as usize;
-    let is_text = bytes.starts_with(b"solid") && bytes.len() != HEADER + TRIANGLE * count;
+    let is_text = start.starts_with(b"solid") && length != (HEADER + TRIANGLE * count) as u64;
     (!is_text).then_some(count)
 }
 
