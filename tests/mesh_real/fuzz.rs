@@ -26,8 +26,7 @@ impl Random {
     }
 }
 
-/// An octahedron divided a few times, its vertices moved in and out at random, stretched, sometimes with a part pushed
-/// through the rest.
+/// An octahedron divided a few times, its vertices moved in and out at random, and flattened: spiky, thin, but star-shaped.
 fn surface(random: &mut Random) -> TriangleMesh {
     let mut vertices: Vec<Point> =
         [[1., 0., 0.], [-1., 0., 0.], [0., 1., 0.], [0., -1., 0.], [0., 0., 1.], [0., 0., -1.]]
