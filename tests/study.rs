@@ -27,9 +27,10 @@ fn balls_follow_the_closed_form_and_the_files_are_there() {
         assert!((row["angle_deg"].as_f64().unwrap() - 180.0 / n).abs() < 1e-9);
         let [voxel, exact, coarse, fine] = ratios(row);
         assert!((exact / analytic - 1.0).abs() < 1e-5, "{row}");
-        // A ball of 100 pixels is counted to a quarter of a per cent; facets are chords.
+        // A ball of 100 pixels is counted to a quarter of a per cent; facets lie on both sides of the surface, and cut
+        // off what is left of the ridges of a hull of few views.
         assert!((voxel / analytic - 1.0).abs() < 0.0025, "{row}");
-        assert!(coarse < fine && fine < analytic && coarse / analytic > 0.985, "{row}");
+        assert!((fine / analytic - 1.0).abs() < 0.002 && (coarse / analytic - 1.0).abs() < 0.006, "{row}");
     }
     let files = told["files"].as_array().unwrap();
     assert_eq!(files.len(), 2 * 2 * 2 + 2 + 1);

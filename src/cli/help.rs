@@ -90,9 +90,12 @@ pub(super) const MESH: &str = "\
 Examples:
   grainrig mesh grain.stl                                 writes grain.inp here
   grainrig mesh grain.stl --out grain.vtu fine.inp --surface-size-mm 0.02 --facet-angle-deg 20
+  grainrig mesh grain.ply --size-at-contact-mm 0.008      finer where plates will touch it
+  grainrig mesh grain.stl --order 2 --out grain.msh       ten-node tetrahedra for Gmsh
   grainrig mesh quartz-07 --out quartz-07.inp             computes the session's mesh and copies it here
 
-A surface must be closed and is taken as mm. By default the mesh has about 50 000 tetrahedra.";
+A surface must be closed and is taken as mm. By default the mesh has about 50 000 tetrahedra. Sizes, angles and
+distances are promises: where one can't be kept there is no mesh, and the error says which and by how much.";
 
 pub(super) const MERGE: &str = "\
 Examples:

@@ -9,6 +9,7 @@ mod import;
 mod local_rig;
 mod merge;
 mod mesh;
+mod mesh_files;
 mod output;
 mod progress;
 mod reconstruct;

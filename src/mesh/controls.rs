@@ -5,10 +5,10 @@ use serde::{Deserialize, Serialize};
 
 /// Lattice spacing over surface size: measured on spheres and grains, the largest circumradius of a surface
 /// facet is 0.62 spacings after smoothing.
-const SPACING_PER_SIZE: f64 = 1.45;
+pub(super) const SPACING_PER_SIZE: f64 = 1.45;
 /// Cubed lattice spacing over largest tetrahedron: a lattice tetrahedron has a³/12; warping and smoothing
 /// stretch some, measured to a³/6.
-const CUBES_PER_TET: f64 = 6.0;
+pub(super) const CUBES_PER_TET: f64 = 6.0;
 /// Above this a facet angle cannot be promised by this mesher on any body.
 const MOST_FACET_ANGLE_DEG: f64 = 30.0;
 
@@ -22,12 +22,28 @@ pub struct Controls {
     pub facet_angle_deg: f64,
     /// Largest volume of a tetrahedron, mm³.
     pub tet_volume_mm3: f64,
+    /// Largest distance between the mesh's surface and the body's, either way, mm; `None`: not promised.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distance_mm: Option<f64>,
+    /// Largest circumradius of a surface facet where plates will touch the body, at its lowest and highest places in z,
+    /// mm; from there the elements grow into the body. `None`: as everywhere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub size_at_contact_mm: Option<f64>,
+    /// How far below the highest and above the lowest place the contacts reach, mm; `None`: 2 % of the height.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contact_depth_mm: Option<f64>,
+}
+
+/// A figure as people read it.
+fn figure(x: f64) -> String {
+    if (0.01..1e4).contains(&x.abs()) { format!("{x:.4}") } else { format!("{x:.3e}") }
 }
 
 /// A control that the mesh does not keep.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error(
-    "{name} = {promised:.4} {unit} could not be kept: the best mesh has {reached:.4} {unit} ({what}); {remedy}"
+    "{name} = {} {unit} could not be kept: the last mesh tried has {} {unit} ({what}); {remedy}",
+    figure(*promised), figure(*reached)
 )]
 pub struct Broken {
     /// The control.
@@ -45,12 +61,15 @@ pub struct Broken {
 }
 
 impl Broken {
-    /// By how much to change the lattice spacing for the next attempt.
-    pub(super) fn refinement(&self) -> f64 {
+    /// Makes the next attempt's spacings (surface, contact, volume) finer, each a factor of what it was.
+    pub(super) fn refine(&self, finer: &mut [f64; 3]) {
         match self.name {
-            "facet_angle_deg" => 0.97,
-            "tet_volume_mm3" => 0.98 * (self.promised / self.reached).cbrt(),
-            _ => 0.98 * self.promised / self.reached,
+            "facet_angle_deg" => finer.iter_mut().for_each(|f| *f *= 0.97),
+            "tet_volume_mm3" => finer[2] *= 0.98 * (self.promised / self.reached).cbrt(),
+            // Between flat pieces the distance falls with the size, on curved ones with its square.
+            "distance_mm" => finer[0] *= 0.95 * (self.promised / self.reached).powf(0.7),
+            "size_at_contact_mm" => finer[1] *= 0.98 * self.promised / self.reached,
+            _ => finer[0] *= 0.98 * self.promised / self.reached,
         }
     }
 }
@@ -62,8 +81,11 @@ impl Controls {
         let spacing = 0.0493 * diameter_mm;
         Self {
             surface_size_mm: spacing / SPACING_PER_SIZE,
-            facet_angle_deg: 15.0,
+            facet_angle_deg: 25.0,
             tet_volume_mm3: spacing.powi(3) / CUBES_PER_TET,
+            distance_mm: None,
+            size_at_contact_mm: None,
+            contact_depth_mm: None,
         }
     }
 
@@ -84,19 +106,49 @@ impl Controls {
             return bad("tet_volume_mm3", self.tet_volume_mm3, "mm³", "positive and finite", remedy);
         }
         if !positive(self.facet_angle_deg) || self.facet_angle_deg > MOST_FACET_ANGLE_DEG {
-            let remedy = "15° is reached on most grains";
+            let remedy = "25° is reached on most grains";
             return bad("facet_angle_deg", self.facet_angle_deg, "°", "above 0° and at most 30°", remedy);
+        }
+        if let Some(distance) = self.distance_mm.filter(|d| !positive(*d)) {
+            let remedy = "a tenth of surface_size_mm is usual";
+            return bad("distance_mm", distance, "mm", "positive and finite", remedy);
+        }
+        if let Some(size) = self.size_at_contact_mm
+            && (!positive(size) || size > self.surface_size_mm)
+        {
+            let remedy = "set it smaller than surface_size_mm, or leave it out";
+            return bad("size_at_contact_mm", size, "mm", "positive and at most surface_size_mm", remedy);
+        }
+        if let Some(depth) = self.contact_depth_mm
+            && (!positive(depth) || self.size_at_contact_mm.is_none())
+        {
+            let remedy = "a few hundredths of the body's height are usual, beside a size_at_contact_mm";
+            return bad(
+                "contact_depth_mm",
+                depth,
+                "mm",
+                "positive, and given with size_at_contact_mm",
+                remedy,
+            );
         }
         Ok(())
     }
 
-    /// The lattice spacing (the edge of the cubes) that should keep both sizes, mm.
-    pub(super) fn spacing_mm(&self) -> f64 {
-        (SPACING_PER_SIZE * self.surface_size_mm).min((CUBES_PER_TET * self.tet_volume_mm3).cbrt())
+    /// The promised distance, where the largest distance breaks it.
+    pub(super) fn too_far(&self, reached: f64) -> Option<Broken> {
+        let promised = self.distance_mm.filter(|promised| reached > *promised)?;
+        Some(Broken {
+            name: "distance_mm",
+            promised,
+            reached,
+            unit: "mm",
+            what: "largest distance between the mesh's surface and the body's",
+            remedy: "set it larger, or surface_size_mm smaller",
+        })
     }
 
-    /// The first control that a mesh of this quality breaks.
-    pub(super) fn broken_by(&self, quality: &Quality) -> Option<Broken> {
+    /// The first control that a mesh of this quality breaks, whose largest facet at the contacts has this circumradius.
+    pub(super) fn broken_by(&self, quality: &Quality, at_contact_mm: Option<f64>) -> Option<Broken> {
         if quality.facet_circumradius_mm > self.surface_size_mm {
             return Some(Broken {
                 name: "surface_size_mm",
@@ -104,6 +156,18 @@ impl Controls {
                 reached: quality.facet_circumradius_mm,
                 unit: "mm",
                 what: "largest facet circumradius",
+                remedy: "set it larger",
+            });
+        }
+        if let (Some(promised), Some(reached)) = (self.size_at_contact_mm, at_contact_mm)
+            && reached > promised
+        {
+            return Some(Broken {
+                name: "size_at_contact_mm",
+                promised,
+                reached,
+                unit: "mm",
+                what: "largest facet circumradius at the contacts",
                 remedy: "set it larger",
             });
         }
@@ -142,7 +206,7 @@ mod tests {
             assert!(Controls { facet_angle_deg: bad, ..good }.check().is_err());
         }
         let e = Controls { facet_angle_deg: 31.0, ..good }.check().unwrap_err().to_string();
-        assert!(e.contains("31 °") && e.contains("at most 30°") && e.contains("15°"), "{e}");
+        assert!(e.contains("31 °") && e.contains("at most 30°") && e.contains("25°"), "{e}");
     }
 
     #[test]

@@ -22,17 +22,20 @@ pub enum MeshError {
     },
     /// The controls ask for more tetrahedra than a computer of a laboratory holds.
     #[error(
-        "the controls ask for a lattice of {spacing_mm:.3e} mm and about {estimate:.2e} tetrahedra, more than {limit:.0e}; \
-         set surface_size_mm or tet_volume_mm3 larger, for instance {remedy_mm:.3e} mm"
+        "the controls ask for a lattice of {spacing_mm:.3e} mm and about {estimate:.2e} tetrahedra, more than {limit:.0e}: \
+         they would take about {gigabytes:.0} GB of memory; set surface_size_mm and tet_volume_mm3 larger, for a lattice \
+         of {remedy_mm:.3e} mm"
     )]
     TooMany {
         /// The lattice spacing that the controls ask for, mm.
         spacing_mm: f64,
         /// Tetrahedra expected.
         estimate: f64,
+        /// The memory they take while they are made, GB.
+        gigabytes: f64,
         /// The most that are allowed.
         limit: f64,
-        /// A surface size that would be allowed, mm.
+        /// A lattice spacing that would be allowed, mm.
         remedy_mm: f64,
     },
     /// The body's box is not a box: a size is zero, negative or not finite.
@@ -63,6 +66,52 @@ pub enum MeshError {
         "the mesher made a bad mesh ({0}); move the body a little or change surface_size_mm, and report it"
     )]
     Fault(#[from] TetFault),
+    /// There are not as many voxels as the volume's size says.
+    #[error(
+        "{count} voxels do not make a volume of {} × {} × {}; give as many as their product, at least one",
+        size[0], size[1], size[2]
+    )]
+    Voxels {
+        /// Voxels along x, y and z.
+        size: [usize; 3],
+        /// How many were given.
+        count: usize,
+    },
+    /// The surface has more triangles than are worked on.
+    #[error(
+        "the surface has {count} triangles, more than {limit}; a mesh of a grain is decided by far fewer: decimate it to \
+         some hundred thousand first"
+    )]
+    Triangles {
+        /// How many there are.
+        count: usize,
+        /// How many there may be.
+        limit: usize,
+    },
+    /// The surface encloses nothing.
+    #[error(
+        "the surface encloses {volume_mm3:.3e} mm³ under an area of {area_mm2:.3e} mm²: it is a sheet without thickness; \
+         give the body a thickness"
+    )]
+    Flat {
+        /// The volume, mm³.
+        volume_mm3: f64,
+        /// The area, mm².
+        area_mm2: f64,
+    },
+    /// The surface cuts itself.
+    #[error(
+        "triangles {first} and {second} of the surface cut one another near {place:.6?} mm: it has no clear inside; repair it \
+         (union, or `self-intersections` in a mesh program) first"
+    )]
+    Crossing {
+        /// A triangle, from 0.
+        first: usize,
+        /// One that it cuts.
+        second: usize,
+        /// A corner of the first, mm.
+        place: Point,
+    },
     /// The surface that should bound a solid does not.
     #[error(
         "the surface does not bound a solid: {0}; close it (fill holes, join vertices) and turn its \
