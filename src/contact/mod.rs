@@ -1,0 +1,33 @@
+//! A grain pressed between two rigid plates: explicit dynamics, contact, and what is read off.
+//!
+//! Units are those of Abaqus decks: mm, N, MPa, tonne, s. The plates are level; z is up.
+//!
+//! - [`Material`], and closed forms for spheres to hold results against ([`hertz`]).
+//! - [`Body`]: the mesh in the order and the batches in which it is computed, its masses, its internal forces.
+//! - [`limit`]: the largest time step that central differences bear.
+//! - [`Dynamics`]: the step itself, with plates, friction and damping, and every term of the energy balance.
+
+mod body;
+mod dynamics;
+mod elastic;
+mod error;
+mod fields;
+pub mod hertz;
+mod lanes;
+pub mod limit;
+mod material;
+mod order;
+mod plastic;
+mod plates;
+mod press;
+pub mod rest;
+mod touch;
+
+pub use body::Body;
+pub use dynamics::{Dynamics, Energy, Motion};
+pub use error::ContactError;
+pub use fields::Fields;
+pub use material::Material;
+pub use plates::{Plates, Reaction};
+pub use press::{Loading, Press, Sample};
+pub use touch::{Contact, Plate, Touch};

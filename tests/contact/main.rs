@@ -1,0 +1,5 @@
+//! Compression between plates: elements and steps against closed forms.
+
+mod bodies;
+mod elements;
+mod sphere;
