@@ -22,6 +22,12 @@ pub struct MeshOptions {
     /// Largest volume of a tetrahedron, mm³; by default what fits the surface's size.
     #[arg(long, value_name = "MM3", allow_negative_numbers = true)]
     tet_volume_mm3: Option<f64>,
+    /// Largest circumradius of a surface facet where plates will touch the grain, at its top and bottom, mm.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    size_at_contact_mm: Option<f64>,
+    /// How far the contacts reach below the highest and above the lowest place, mm; by default 2 % of the height.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, requires = "size_at_contact_mm")]
+    contact_depth_mm: Option<f64>,
 }
 
 impl MeshOptions {
@@ -31,6 +37,8 @@ impl MeshOptions {
             surface_size_mm: self.surface_size_mm,
             facet_angle_deg: self.facet_angle_deg,
             tet_volume_mm3: self.tet_volume_mm3,
+            size_at_contact_mm: self.size_at_contact_mm,
+            contact_depth_mm: self.contact_depth_mm,
         };
         (asked != MeshSettings::default()).then_some(asked)
     }

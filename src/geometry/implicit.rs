@@ -8,6 +8,11 @@ pub trait ImplicitBody: Sync {
     fn value(&self, p: &Point) -> f64;
     /// A box that holds the whole body.
     fn bounds(&self) -> Aabb;
+    /// The most by which the value changes over 1 mm, where such a bound is known: what lies farther from the surface
+    /// than a value over it need not be looked at.
+    fn steepness(&self) -> Option<f64> {
+        None
+    }
 }
 
 /// A ball: the body of known answers.
@@ -25,5 +30,8 @@ impl ImplicitBody for Ball {
     }
     fn bounds(&self) -> Aabb {
         Aabb { min: self.center, max: self.center }.grown(self.radius_mm)
+    }
+    fn steepness(&self) -> Option<f64> {
+        Some(1.0)
     }
 }

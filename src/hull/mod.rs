@@ -37,6 +37,10 @@ impl ImplicitBody for VisualHull {
     fn bounds(&self) -> Aabb {
         self.bounds
     }
+    /// Each direction of a picture's bilinear distances changes by at most 1: √2 together, and a pinhole's scale a little.
+    fn steepness(&self) -> Option<f64> {
+        Some(1.5)
+    }
 }
 
 /// Why there is no hull.

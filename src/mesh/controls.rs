@@ -5,10 +5,10 @@ use serde::{Deserialize, Serialize};
 
 /// Lattice spacing over surface size: measured on spheres and grains, the largest circumradius of a surface
 /// facet is 0.62 spacings after smoothing.
-const SPACING_PER_SIZE: f64 = 1.45;
+pub(super) const SPACING_PER_SIZE: f64 = 1.45;
 /// Cubed lattice spacing over largest tetrahedron: a lattice tetrahedron has a³/12; warping and smoothing
 /// stretch some, measured to a³/6.
-const CUBES_PER_TET: f64 = 6.0;
+pub(super) const CUBES_PER_TET: f64 = 6.0;
 /// Above this a facet angle cannot be promised by this mesher on any body.
 const MOST_FACET_ANGLE_DEG: f64 = 30.0;
 
@@ -22,6 +22,13 @@ pub struct Controls {
     pub facet_angle_deg: f64,
     /// Largest volume of a tetrahedron, mm³.
     pub tet_volume_mm3: f64,
+    /// Largest circumradius of a surface facet where plates will touch the body, at its lowest and highest places in z,
+    /// mm; from there the elements grow into the body. `None`: as everywhere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub size_at_contact_mm: Option<f64>,
+    /// How far below the highest and above the lowest place the contacts reach, mm; `None`: 2 % of the height.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contact_depth_mm: Option<f64>,
 }
 
 /// A control that the mesh does not keep.
@@ -45,12 +52,13 @@ pub struct Broken {
 }
 
 impl Broken {
-    /// By how much to change the lattice spacing for the next attempt.
-    pub(super) fn refinement(&self) -> f64 {
+    /// Makes the next attempt's spacings (surface, contact, volume) finer, each a factor of what it was.
+    pub(super) fn refine(&self, finer: &mut [f64; 3]) {
         match self.name {
-            "facet_angle_deg" => 0.97,
-            "tet_volume_mm3" => 0.98 * (self.promised / self.reached).cbrt(),
-            _ => 0.98 * self.promised / self.reached,
+            "facet_angle_deg" => finer.iter_mut().for_each(|f| *f *= 0.97),
+            "tet_volume_mm3" => finer[2] *= 0.98 * (self.promised / self.reached).cbrt(),
+            "size_at_contact_mm" => finer[1] *= 0.98 * self.promised / self.reached,
+            _ => finer[0] *= 0.98 * self.promised / self.reached,
         }
     }
 }
@@ -64,6 +72,8 @@ impl Controls {
             surface_size_mm: spacing / SPACING_PER_SIZE,
             facet_angle_deg: 15.0,
             tet_volume_mm3: spacing.powi(3) / CUBES_PER_TET,
+            size_at_contact_mm: None,
+            contact_depth_mm: None,
         }
     }
 
@@ -87,16 +97,29 @@ impl Controls {
             let remedy = "15° is reached on most grains";
             return bad("facet_angle_deg", self.facet_angle_deg, "°", "above 0° and at most 30°", remedy);
         }
+        if let Some(size) = self.size_at_contact_mm
+            && (!positive(size) || size > self.surface_size_mm)
+        {
+            let remedy = "set it smaller than surface_size_mm, or leave it out";
+            return bad("size_at_contact_mm", size, "mm", "positive and at most surface_size_mm", remedy);
+        }
+        if let Some(depth) = self.contact_depth_mm
+            && (!positive(depth) || self.size_at_contact_mm.is_none())
+        {
+            let remedy = "a few hundredths of the body's height are usual, beside a size_at_contact_mm";
+            return bad(
+                "contact_depth_mm",
+                depth,
+                "mm",
+                "positive, and given with size_at_contact_mm",
+                remedy,
+            );
+        }
         Ok(())
     }
 
-    /// The lattice spacing (the edge of the cubes) that should keep both sizes, mm.
-    pub(super) fn spacing_mm(&self) -> f64 {
-        (SPACING_PER_SIZE * self.surface_size_mm).min((CUBES_PER_TET * self.tet_volume_mm3).cbrt())
-    }
-
-    /// The first control that a mesh of this quality breaks.
-    pub(super) fn broken_by(&self, quality: &Quality) -> Option<Broken> {
+    /// The first control that a mesh of this quality breaks, whose largest facet at the contacts has this circumradius.
+    pub(super) fn broken_by(&self, quality: &Quality, at_contact_mm: Option<f64>) -> Option<Broken> {
         if quality.facet_circumradius_mm > self.surface_size_mm {
             return Some(Broken {
                 name: "surface_size_mm",
@@ -104,6 +127,18 @@ impl Controls {
                 reached: quality.facet_circumradius_mm,
                 unit: "mm",
                 what: "largest facet circumradius",
+                remedy: "set it larger",
+            });
+        }
+        if let (Some(promised), Some(reached)) = (self.size_at_contact_mm, at_contact_mm)
+            && reached > promised
+        {
+            return Some(Broken {
+                name: "size_at_contact_mm",
+                promised,
+                reached,
+                unit: "mm",
+                what: "largest facet circumradius at the contacts",
                 remedy: "set it larger",
             });
         }

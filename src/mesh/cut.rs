@@ -1,11 +1,13 @@
 //! Where the surface cuts the lattice, and which lattice points are warped onto it.
 
-use super::{MeshError, lattice::Lattice, lattice::SHORT};
+use super::MeshError;
+use super::background::Background;
+use super::score::EDGES;
 use crate::geometry::{ImplicitBody, Point};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// A cut nearer to a lattice point than this part of a long edge warps the point (Labelle and Shewchuk, table
+/// A cut nearer to a lattice point than this part of a long edge (one along an axis) warps the point (Labelle and Shewchuk, table
 /// 1, the pair that bounds the least dihedral angle best).
 const WARP_LONG: f64 = 0.24999;
 /// The same for a short edge.
@@ -13,13 +15,11 @@ const WARP_SHORT: f64 = 0.41189;
 /// Cuts keep at least this part of the edge from a point that must not be warped.
 const KEPT_CLEAR: f64 = 0.2;
 
-/// A lattice with the body's values and the surface's cuts through its edges.
+/// The background grid with the surface's cuts through its edges.
 #[derive(Debug)]
 pub(super) struct Field {
-    pub(super) lattice: Lattice,
-    /// The body's value at each lattice point, mm.
-    pub(super) values: Vec<f64>,
-    /// For each inside point, where its cuts start in `cuts`; one entry more than points.
+    pub(super) background: Background,
+    /// For each point, where its cuts start in `cuts` (inside points have them); one entry more than points.
     start: Vec<u32>,
     cuts: Vec<Cut>,
 }
@@ -31,51 +31,57 @@ struct Cut {
     outside: u32,
     /// The part of the edge that is inside, 0 to 1.
     t: f64,
-    short: bool,
 }
 
 impl Field {
-    /// Evaluates the body at every lattice point once and finds the cuts, in parallel.
-    pub(super) fn sample(body: &dyn ImplicitBody, lattice: Lattice) -> Result<Self, MeshError> {
-        let n = lattice.len() as u32;
-        let values: Vec<f64> = (0..n).into_par_iter().map(|p| body.value(&lattice.place(p))).collect();
-        if let Some(p) = values.iter().position(|v| !v.is_finite()) {
-            return Err(MeshError::NotFinite(lattice.place(p as u32), values[p]));
+    /// Finds the cuts, in parallel.
+    pub(super) fn new(body: &dyn ImplicitBody, background: Background) -> Result<Self, MeshError> {
+        let values = &background.values;
+        if !values.iter().any(|v| *v < 0.0) {
+            let spacing_mm =
+                (0..background.len() as u32).map(|p| background.spacing_mm(p)).fold(0.0, f64::max);
+            return Err(MeshError::Empty { spacing_mm });
         }
-        let inside = |p: u32| values[p as usize] < 0.0;
-        if let Some(p) = (0..n).find(|&p| inside(p) && lattice.is_rim(p)) {
-            return Err(MeshError::Unbounded(lattice.place(p)));
+        let mut edges: Vec<u64> = background
+            .tets
+            .par_iter()
+            .filter(|t| t.iter().any(|&p| values[p as usize] > 0.0))
+            .flat_map_iter(|t| {
+                EDGES.iter().filter_map(|&[i, j, ..]| {
+                    let (p, q) = (t[i], t[j]);
+                    let (v, w) = (values[p as usize], values[q as usize]);
+                    if v < 0.0 && w > 0.0 {
+                        Some(u64::from(p) << 32 | u64::from(q))
+                    } else if w < 0.0 && v > 0.0 {
+                        Some(u64::from(q) << 32 | u64::from(p))
+                    } else {
+                        None
+                    }
+                })
+            })
+            .collect();
+        edges.par_sort_unstable();
+        edges.dedup();
+        let cuts: Vec<Cut> = edges
+            .into_par_iter()
+            .map(|edge| {
+                let (inside, outside) = ((edge >> 32) as u32, edge as u32);
+                let (p, q) = (background.place(inside), background.place(outside));
+                let deep = values[inside as usize];
+                // Deep inside only the sign is known so far.
+                let deep = if deep.is_finite() { deep } else { body.value(&p) };
+                let tolerance = 1e-3 * (q - p).norm();
+                let t =
+                    crossing(|t| body.value(&(p + (q - p) * t)), deep, values[outside as usize], tolerance);
+                Cut { inside, outside, t }
+            })
+            .collect();
+        let mut start = vec![0u32; background.len() + 1];
+        cuts.iter().for_each(|c| start[c.inside as usize + 1] += 1);
+        for i in 1..start.len() {
+            start[i] += start[i - 1];
         }
-        if !(0..n).any(inside) {
-            return Err(MeshError::Empty { spacing_mm: lattice.spacing_mm() });
-        }
-        let mut start = Vec::with_capacity(n as usize + 1);
-        let mut cuts = Vec::new();
-        for p in 0..n {
-            start.push(cuts.len() as u32);
-            if !inside(p) {
-                continue;
-            }
-            let at = lattice.coordinates(p);
-            for k in 0..14 {
-                // An inside point is not on the rim, so every neighbour exists.
-                if let Some(q) = lattice.neighbour(at, k).filter(|&q| values[q as usize] > 0.0) {
-                    cuts.push(Cut { inside: p, outside: q, t: 0.0, short: k < SHORT });
-                }
-            }
-        }
-        start.push(cuts.len() as u32);
-        let tolerance = 1e-4 * lattice.spacing_mm();
-        cuts.par_iter_mut().for_each(|c| {
-            let (p, q) = (lattice.place(c.inside), lattice.place(c.outside));
-            c.t = crossing(
-                |t| body.value(&(p + (q - p) * t)),
-                values[c.inside as usize],
-                values[c.outside as usize],
-                tolerance,
-            );
-        });
-        Ok(Self { lattice, values, start, cuts })
+        Ok(Self { background, start, cuts })
     }
 
     /// How many cuts there are.
@@ -95,6 +101,7 @@ impl Field {
     /// inside where the surface goes right through them.
     pub(super) fn warp(&self, kept: &[bool]) -> Warped {
         let mut side: Vec<i8> = self
+            .background
             .values
             .iter()
             .zip(kept)
@@ -111,8 +118,13 @@ impl Field {
         // (closeness as part of the threshold, the point to warp, the cut)
         let mut near: Vec<(f64, u32, u32)> = Vec::new();
         for (i, c) in self.cuts.iter().enumerate() {
-            let threshold = if c.short { WARP_SHORT } else { WARP_LONG };
+            let part = if self.background.is_axial(c.inside, c.outside) { WARP_LONG } else { WARP_SHORT };
+            let (p, q) = (self.background.place(c.inside), self.background.place(c.outside));
             for (point, t) in [(c.inside, c.t), (c.outside, 1.0 - c.t)] {
+                // Where cubes of two widths meet, the smaller one bounds how far a point may go.
+                let usual = if part == WARP_LONG { 1.0 } else { 0.75f64.sqrt() };
+                let threshold = part * usual * self.background.spacing_mm(point) / (q - p).norm();
+                let threshold = threshold.min(part);
                 if t < threshold && !kept[point as usize] {
                     near.push((t / threshold, point, i as u32));
                 }
@@ -140,8 +152,15 @@ impl Field {
         Warped { side, moved, cut_places }
     }
 
+    /// The width of the smallest cube at a node, mm: lattice points come first, cuts after them.
+    pub(super) fn spacing_mm(&self, node: u32) -> f64 {
+        let n = self.background.len() as u32;
+        let point = if node < n { node } else { self.cuts[(node - n) as usize].inside };
+        self.background.spacing_mm(point)
+    }
+
     fn on_edge(&self, c: Cut, t: f64) -> Point {
-        let (p, q) = (self.lattice.place(c.inside), self.lattice.place(c.outside));
+        let (p, q) = (self.background.place(c.inside), self.background.place(c.outside));
         p + (q - p) * t
     }
 }
@@ -162,7 +181,7 @@ impl Warped {
         if node >= n {
             return self.cut_places[(node - n) as usize];
         }
-        self.moved.get(&node).copied().unwrap_or_else(|| field.lattice.place(node))
+        self.moved.get(&node).copied().unwrap_or_else(|| field.background.place(node))
     }
 }
 

@@ -22,17 +22,20 @@ pub enum MeshError {
     },
     /// The controls ask for more tetrahedra than a computer of a laboratory holds.
     #[error(
-        "the controls ask for a lattice of {spacing_mm:.3e} mm and about {estimate:.2e} tetrahedra, more than {limit:.0e}; \
-         set surface_size_mm or tet_volume_mm3 larger, for instance {remedy_mm:.3e} mm"
+        "the controls ask for a lattice of {spacing_mm:.3e} mm and about {estimate:.2e} tetrahedra, more than {limit:.0e}: \
+         they would take about {gigabytes:.0} GB of memory; set surface_size_mm and tet_volume_mm3 larger, for a lattice \
+         of {remedy_mm:.3e} mm"
     )]
     TooMany {
         /// The lattice spacing that the controls ask for, mm.
         spacing_mm: f64,
         /// Tetrahedra expected.
         estimate: f64,
+        /// The memory they take while they are made, GB.
+        gigabytes: f64,
         /// The most that are allowed.
         limit: f64,
-        /// A surface size that would be allowed, mm.
+        /// A lattice spacing that would be allowed, mm.
         remedy_mm: f64,
     },
     /// The body's box is not a box: a size is zero, negative or not finite.

@@ -1,20 +1,22 @@
 //! Tetrahedra and triangles for a body given by a function.
 //!
 //! Isosurface stuffing (Labelle and Shewchuk, ACM Trans. Graphics 26(3), 57, 2007): a body-centred cubic
-//! lattice is laid over the body, lattice points close to the surface are warped onto it, and the tetrahedra
-//! that the surface still crosses are cut by a short list of stencils. What the stencils leave is then
+//! lattice, graded by an octree, is laid over the body, lattice points close to the surface are warped onto it, and
+//! the tetrahedra that the surface still crosses are cut by a short list of stencils. What the stencils leave is then
 //! improved by smoothing in which surface nodes stay on the surface ([`optimise`](self)). The three controls
 //! are promises: a mesh that breaks one is an error, not a result.
 
+mod background;
 mod controls;
 mod cut;
 mod error;
-mod lattice;
+mod octree;
 mod optimise;
 mod pieces;
 mod quality;
 mod repair;
 mod score;
+mod sizes;
 mod solid;
 mod star;
 mod stencil;
@@ -27,7 +29,10 @@ pub use solid::Solid;
 pub use tetmesh::{FACES, Surface, TetFault, TetMesh};
 
 use crate::geometry::ImplicitBody;
-use lattice::Lattice;
+use background::Background;
+use octree::Octree;
+use sizes::{Contacts, Sizes};
+use star::Targets;
 
 /// Attempts with a finer or shifted lattice before a promise is given up.
 const ATTEMPTS: usize = 5;
@@ -37,8 +42,8 @@ const POOR_DIHEDRAL_DEG: f64 = 12.0;
 
 /// Fills a body with tetrahedra.
 ///
-/// Costs about 24 body values for each surface node and one for each lattice point in the body's box, all in
-/// parallel; the same body and controls give the same bytes on any number of threads. Of a body in several
+/// Costs about 24 body values for each surface node and one for each lattice point near the surface (everywhere in the
+/// body's box where its [`steepness`](ImplicitBody::steepness) is not known), all in parallel; the same body and controls give the same bytes on any number of threads. Of a body in several
 /// pieces the largest is kept; [`TetMesh::dropped_pieces`] says how many were not. A mesh that keeps the
 /// controls with a dihedral angle below 12° is tried again on a shifted lattice, and the best is returned.
 /// `progress` is called with the part done, from 0 to 1, never falling.
@@ -52,20 +57,22 @@ pub fn mesh(
     progress: &mut dyn FnMut(f64),
 ) -> Result<TetMesh, MeshError> {
     controls.check()?;
-    let mut spacing = controls.spacing_mm();
+    let contacts = Contacts::of(body, controls);
+    let mut finer = [1.0; 3];
     let mut last = None;
     let mut poor: Option<(f64, TetMesh)> = None;
     for attempt in 0..ATTEMPTS {
+        let sizes = Sizes::new(controls, contacts, finer);
         let mut told = |part: f64| progress((attempt as f64 + part) / ATTEMPTS as f64);
-        let mesh = match on_lattice(body, controls, spacing, attempt, &mut told) {
+        let mesh = match on_lattice(body, controls, &sizes, contacts, attempt, &mut told) {
             Ok(mesh) => mesh,
             // What an earlier attempt made is good enough.
             Err(_) if poor.is_some() => break,
             Err(e) => return Err(e),
         };
         let quality = mesh.quality();
-        if let Some(broken) = controls.broken_by(&quality) {
-            spacing *= broken.refinement();
+        if let Some(broken) = controls.broken_by(&quality, contacts.map(|c| c.largest_facet_mm(&mesh))) {
+            broken.refine(&mut finer);
             last = Some(broken);
             continue;
         }
@@ -82,29 +89,31 @@ pub fn mesh(
         return Ok(mesh);
     }
     // The loop ran, so a promise was broken.
-    Err(last.map_or(MeshError::Empty { spacing_mm: spacing }, MeshError::Promise))
+    Err(last.map_or(MeshError::Empty { spacing_mm: controls.surface_size_mm }, MeshError::Promise))
 }
 
 /// One attempt: a checked mesh, which may break the controls.
 fn on_lattice(
     body: &dyn ImplicitBody,
     controls: &Controls,
-    spacing_mm: f64,
+    sizes: &Sizes,
+    contacts: Option<Contacts>,
     attempt: usize,
     progress: &mut dyn FnMut(f64),
 ) -> Result<TetMesh, MeshError> {
-    let lattice = Lattice::over(&body.bounds(), spacing_mm, attempt)?;
     progress(0.0);
-    let field = cut::Field::sample(body, lattice)?;
+    let tree = Octree::over(body, sizes, attempt)?;
+    progress(0.1);
+    let field = cut::Field::new(body, Background::new(body, &tree)?)?;
     progress(0.3);
-    let filled = repair::fill(body, &field);
+    let (filled, mut spacings) = repair::fill(body, &field);
     if filled.tets.is_empty() {
         // The few points inside were all warped onto the surface.
-        return Err(MeshError::Empty { spacing_mm });
+        return Err(MeshError::Empty { spacing_mm: sizes.surface_mm });
     }
     progress(0.5);
-    let mut mesh = pieces::largest(&filled);
-    optimise::improve(body, controls, spacing_mm, &mut mesh);
+    let mut mesh = pieces::largest(filled, &mut spacings);
+    optimise::improve(body, &Targets::new(controls, contacts), &spacings, &mut mesh);
     mesh.check()?;
     Ok(mesh)
 }

@@ -8,9 +8,9 @@
 //! share no tetrahedron: a colour moves at once, in parallel, with the same result on any number of
 //! threads.
 
+use super::TetMesh;
 use super::star::{Star, Targets};
 use super::tetmesh::{boundary, face_nodes};
-use super::{Controls, TetMesh};
 use crate::geometry::{ImplicitBody, Point, Vector};
 use nalgebra::Rotation3;
 use rayon::prelude::*;
@@ -42,8 +42,8 @@ const DIRECTIONS: [[f64; 3]; 14] = [
 ];
 
 /// Improves a mesh in place; its topology stays.
-pub(super) fn improve(body: &dyn ImplicitBody, controls: &Controls, spacing_mm: f64, mesh: &mut TetMesh) {
-    let smoother = Smoother::new(body, controls, spacing_mm, &mesh.tets, mesh.nodes.len());
+pub(super) fn improve(body: &dyn ImplicitBody, targets: &Targets, spacings: &[f64], mesh: &mut TetMesh) {
+    let smoother = Smoother::new(body, targets, spacings, &mesh.tets, mesh.nodes.len());
     let colours = smoother.colours();
     for pass in 0..PASSES[0] + PASSES[1] {
         // Other directions in each pass: a node that none of one set helps may be helped by the next.
@@ -95,8 +95,8 @@ impl Around {
 
 struct Smoother<'a> {
     body: &'a dyn ImplicitBody,
-    spacing_mm: f64,
-    targets: Targets,
+    spacings: &'a [f64],
+    targets: &'a Targets,
     tets: &'a [[u32; 4]],
     facets: Vec<[u32; 3]>,
     tets_of: Around,
@@ -106,16 +106,16 @@ struct Smoother<'a> {
 impl<'a> Smoother<'a> {
     fn new(
         body: &'a dyn ImplicitBody,
-        controls: &Controls,
-        spacing_mm: f64,
+        targets: &'a Targets,
+        spacings: &'a [f64],
         tets: &'a [[u32; 4]],
         nodes: usize,
     ) -> Self {
         let facets: Vec<[u32; 3]> = boundary(tets).into_iter().map(|(t, f)| face_nodes(tets, t, f)).collect();
         Self {
             body,
-            spacing_mm,
-            targets: Targets::new(controls, spacing_mm),
+            spacings,
+            targets,
             tets_of: Around::of(tets, nodes),
             facets_of: Around::of(&facets, nodes),
             tets,
@@ -172,18 +172,19 @@ impl<'a> Smoother<'a> {
         star: &mut Star,
     ) -> Option<Point> {
         self.gather(nodes, v, star);
-        let from = nodes[v as usize];
-        let now = star.score(&self.targets, from, f64::NEG_INFINITY);
+        let (from, spacing_mm) = (nodes[v as usize], self.spacings[v as usize]);
+        let targets = self.targets.at(spacing_mm);
+        let now = star.score(&targets, from, f64::NEG_INFINITY);
         if now >= enough {
             return None;
         }
-        let normal = star.normal(from, 1e-12 * self.spacing_mm * self.spacing_mm);
+        let normal = star.normal(from, 1e-12 * spacing_mm * spacing_mm);
         let on_surface = star.on_surface();
         let flat = |d: Vector| normal.map_or(d, |n| d - n * d.dot(&n));
         let centre = star.centre() - from;
         let (mut best, mut best_score) = (from, now);
         let mut consider = |to: Point, best: &mut Point| {
-            let score = star.score(&self.targets, to, best_score);
+            let score = star.score(&targets, to, best_score);
             if score > best_score {
                 (*best, best_score) = (to, score);
             }
@@ -196,7 +197,7 @@ impl<'a> Smoother<'a> {
             for _ in 0..2 {
                 let base = best;
                 for d in directions {
-                    consider(base + flat(*d) * (step * self.spacing_mm), &mut best);
+                    consider(base + flat(*d) * (step * spacing_mm), &mut best);
                 }
             }
         }
@@ -210,8 +211,8 @@ impl<'a> Smoother<'a> {
         let was_off = self.body.value(&from).abs();
         let mut way = best - from;
         for _ in 0..3 {
-            let (to, off) = self.onto_surface(from + way, normal);
-            if off <= was_off.max(1e-3 * self.spacing_mm) && star.score(&self.targets, to, now) > now {
+            let (to, off) = self.onto_surface(from + way, normal, spacing_mm);
+            if off <= was_off.max(1e-3 * spacing_mm) && star.score(&targets, to, now) > now {
                 return Some(to);
             }
             way *= 0.5;
@@ -221,16 +222,16 @@ impl<'a> Smoother<'a> {
 
     /// The place on the surface reached from `p` along the normal by the secant method, and the body's value
     /// left there (absolute, mm).
-    fn onto_surface(&self, p: Point, normal: Vector) -> (Point, f64) {
+    fn onto_surface(&self, p: Point, normal: Vector, spacing_mm: f64) -> (Point, f64) {
         let (mut s0, mut f0) = (0.0, self.body.value(&p));
-        if f0.abs() < 1e-5 * self.spacing_mm {
+        if f0.abs() < 1e-5 * spacing_mm {
             return (p, f0.abs());
         }
         // Near the surface the value is about the distance.
         let mut s1 = -f0;
         let mut f1 = self.body.value(&(p + normal * s1));
         for _ in 0..4 {
-            if f1.abs() < 1e-5 * self.spacing_mm || (f1 - f0).abs() < f64::MIN_POSITIVE {
+            if f1.abs() < 1e-5 * spacing_mm || (f1 - f0).abs() < f64::MIN_POSITIVE {
                 break;
             }
             let s2 = s1 - f1 * (s1 - s0) / (f1 - f0);
@@ -239,7 +240,7 @@ impl<'a> Smoother<'a> {
             f1 = self.body.value(&(p + normal * s1));
         }
         // Not a number or a step far away: left to the caller to refuse.
-        let off = if f1.is_finite() && s1.abs() < self.spacing_mm { f1.abs() } else { f64::INFINITY };
+        let off = if f1.is_finite() && s1.abs() < spacing_mm { f1.abs() } else { f64::INFINITY };
         (p + normal * s1, off)
     }
 }

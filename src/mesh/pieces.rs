@@ -4,10 +4,13 @@ use super::TetMesh;
 use super::score;
 use super::tetmesh::sorted_faces;
 
-/// Keeps the piece of greatest volume and the nodes that it uses, in their order.
-pub(super) fn largest(mesh: &TetMesh) -> TetMesh {
+/// Keeps the piece of greatest volume and the nodes that it uses, in their order; `spacings` are kept with them.
+pub(super) fn largest(mesh: TetMesh, spacings: &mut Vec<f64>) -> TetMesh {
     let piece = label(&mesh.tets);
     let count = piece.iter().max().map_or(0, |m| *m as usize + 1);
+    if count == 1 {
+        return mesh;
+    }
     let mut volume = vec![0.0; count];
     for (t, &c) in piece.iter().enumerate() {
         volume[c as usize] += score::volume(&mesh.corners(t));
@@ -18,13 +21,15 @@ pub(super) fn largest(mesh: &TetMesh) -> TetMesh {
     let kept: Vec<[u32; 4]> =
         mesh.tets.iter().zip(&piece).filter(|(_, c)| **c as usize == best).map(|(t, _)| *t).collect();
     kept.iter().flatten().for_each(|&n| number[n as usize] = 0);
-    let mut nodes = Vec::new();
-    for (p, place) in number.iter_mut().zip(&mesh.nodes) {
+    let (mut nodes, mut kept_spacings) = (Vec::new(), Vec::new());
+    for (i, p) in number.iter_mut().enumerate() {
         if *p == 0 {
             *p = nodes.len() as u32;
-            nodes.push(*place);
+            nodes.push(mesh.nodes[i]);
+            kept_spacings.push(spacings[i]);
         }
     }
+    *spacings = kept_spacings;
     let tets = kept.iter().map(|t| t.map(|n| number[n as usize])).collect();
     TetMesh { nodes, tets, dropped_pieces: count.saturating_sub(1) }
 }

@@ -9,21 +9,22 @@ use super::TetMesh;
 use super::cut::Field;
 use super::stencil;
 use super::tetmesh::{boundary, face_nodes};
-use crate::geometry::ImplicitBody;
+use crate::geometry::{ImplicitBody, Point};
 
 /// After so many rounds every warped point is put back at once.
 const ROUNDS: usize = 40;
 
-/// The tetrahedra of a body, their surface manifold, possibly in several pieces.
-pub(super) fn fill(body: &dyn ImplicitBody, field: &Field) -> TetMesh {
-    let points = field.values.len();
+/// The tetrahedra of a body, their surface manifold, possibly in several pieces; and the grid's spacing at each node, mm.
+pub(super) fn fill(body: &dyn ImplicitBody, field: &Field) -> (TetMesh, Vec<f64>) {
+    let points = field.background.len();
     let mut kept = vec![false; points];
     for round in 0..=ROUNDS {
         let warped = field.warp(&kept);
         let tets = stencil::cut_all(body, field, &warped);
         let faulty = faulty_nodes(&tets, points + field.cut_count());
         if faulty.is_empty() {
-            return compact(tets, points + field.cut_count(), |n| warped.place(field, n));
+            let all = points + field.cut_count();
+            return compact(tets, all, |n| (warped.place(field, n), field.spacing_mm(n)));
         }
         if round + 1 >= ROUNDS {
             kept.fill(true);
@@ -85,15 +86,17 @@ fn is_one_fan(link: &[[u32; 2]]) -> bool {
     steps == link.len()
 }
 
-/// A mesh of the nodes that are used, in their order.
-fn compact(mut tets: Vec<[u32; 4]>, nodes: usize, place: impl Fn(u32) -> crate::geometry::Point) -> TetMesh {
+/// A mesh of the nodes that are used, in their order, and the spacing at each.
+fn compact(mut tets: Vec<[u32; 4]>, nodes: usize, of: impl Fn(u32) -> (Point, f64)) -> (TetMesh, Vec<f64>) {
     let mut number = vec![u32::MAX; nodes];
     tets.iter().flatten().for_each(|&n| number[n as usize] = 0);
-    let mut places = Vec::new();
+    let (mut places, mut spacings) = (Vec::new(), Vec::new());
     for (n, slot) in number.iter_mut().enumerate().filter(|(_, slot)| **slot == 0) {
         *slot = places.len() as u32;
-        places.push(place(n as u32));
+        let (place, spacing) = of(n as u32);
+        places.push(place);
+        spacings.push(spacing);
     }
     tets.iter_mut().flatten().for_each(|n| *n = number[*n as usize]);
-    TetMesh::new(places, tets)
+    (TetMesh::new(places, tets), spacings)
 }

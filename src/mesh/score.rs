@@ -17,7 +17,6 @@ pub(super) const EDGES: [[usize; 4]; 6] =
     [[0, 1, 2, 3], [0, 2, 1, 3], [0, 3, 1, 2], [1, 2, 0, 3], [1, 3, 0, 2], [2, 3, 0, 1]];
 
 /// The volume and the least sine of the six dihedral angles (from sin θ = 3 V l / 2 A₁ A₂).
-#[cfg(test)]
 pub(super) fn volume_and_least_sine(p: &[Point; 4]) -> (f64, f64) {
     let n = face_vectors(p).map(|v| v.norm_squared());
     let volume = volume(p);

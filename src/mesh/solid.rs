@@ -113,6 +113,9 @@ impl ImplicitBody for Solid {
     fn bounds(&self) -> Aabb {
         self.bounds
     }
+    fn steepness(&self) -> Option<f64> {
+        Some(1.0)
+    }
 }
 
 /// Adds a branch for a part of the triangles (whose first is `offset` in the whole order); returns its
@@ -217,8 +220,12 @@ mod tests {
         crate::geometry::Ball { center: Point::new(0.1, 0.0, 0.0), radius_mm: 1.0 };
     /// A ball's surface from the mesher itself, some hundred triangles.
     static SOLID: LazyLock<Solid> = LazyLock::new(|| {
-        let controls =
-            crate::mesh::Controls { surface_size_mm: 0.3, facet_angle_deg: 5.0, tet_volume_mm3: 1.0 };
+        let controls = crate::mesh::Controls {
+            surface_size_mm: 0.3,
+            facet_angle_deg: 5.0,
+            tet_volume_mm3: 1.0,
+            ..crate::mesh::Controls::for_size(1.0)
+        };
         let mesh = crate::mesh::mesh(&BALL, &controls, &mut |_| ()).unwrap();
         Solid::new(mesh.surface().triangles).unwrap()
     });

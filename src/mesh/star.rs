@@ -5,6 +5,7 @@
 //! time, because it is likely to refuse again. The score is a minimum, so the order changes the time only,
 //! not a bit of the result.
 
+use super::sizes::Contacts;
 use super::{Controls, score};
 use crate::geometry::{Point, Vector};
 
@@ -25,17 +26,33 @@ pub(super) struct Targets {
     facet_sine: f64,
     tet_sine: f64,
     altitude_mm: f64,
+    /// Where facets must be smaller.
+    contacts: Option<Contacts>,
 }
 
 impl Targets {
-    pub(super) fn new(controls: &Controls, spacing_mm: f64) -> Self {
+    pub(super) fn new(controls: &Controls, contacts: Option<Contacts>) -> Self {
         Self {
             largest_radius_mm: controls.surface_size_mm,
             largest_volume_mm3: controls.tet_volume_mm3,
             promised_sine: controls.facet_angle_deg.to_radians().sin() * (1.0 + 1e-9),
             facet_sine: (controls.facet_angle_deg + FACET_MARGIN_DEG).to_radians().sin(),
             tet_sine: TARGET_DIHEDRAL_DEG.to_radians().sin(),
-            altitude_mm: TARGET_ALTITUDE * spacing_mm,
+            altitude_mm: 0.0,
+            contacts,
+        }
+    }
+
+    /// The targets at a node where the grid has this spacing, mm.
+    pub(super) fn at(&self, spacing_mm: f64) -> Self {
+        Self { altitude_mm: TARGET_ALTITUDE * spacing_mm, ..*self }
+    }
+
+    /// The largest circumradius of a facet, mm.
+    pub(super) fn radius_mm(&self, facet: &[Point; 3]) -> f64 {
+        match &self.contacts {
+            Some(c) if facet.iter().all(|p| c.distance(p.z) == 0.0) => c.size_mm,
+            _ => self.largest_radius_mm,
         }
     }
 }
@@ -128,8 +145,9 @@ impl Star {
     fn facets_score(&mut self, targets: &Targets, at: Point, floor: f64) -> f64 {
         let mut least = f64::INFINITY;
         for [p, q] in &self.facets {
-            let (radius, sine) = score::circumradius_and_least_sine(&[at, *p, *q]);
-            let excess = radius / targets.largest_radius_mm;
+            let facet = [at, *p, *q];
+            let (radius, sine) = score::circumradius_and_least_sine(&facet);
+            let excess = radius / targets.radius_mm(&facet);
             // A broken promise comes before everything that is only wished for.
             let one = if excess > 1.0 {
                 1.0 - excess
@@ -200,8 +218,13 @@ mod tests {
 
     #[test]
     fn a_broken_promise_is_worse_than_any_wish_that_is_not_met() {
-        let controls = Controls { surface_size_mm: 10.0, facet_angle_deg: 15.0, tet_volume_mm3: 10.0 };
-        let targets = Targets::new(&controls, 1.0);
+        let controls = Controls {
+            surface_size_mm: 10.0,
+            facet_angle_deg: 15.0,
+            tet_volume_mm3: 10.0,
+            ..Controls::for_size(1.0)
+        };
+        let targets = Targets::new(&controls, None).at(1.0);
         let score = |least_angle_deg: f64| {
             let mut star = Star::default();
             let up = (0.5 * least_angle_deg).to_radians().tan();
@@ -215,8 +238,13 @@ mod tests {
     #[test]
     fn a_score_is_the_same_from_every_node_of_a_tetrahedron_and_is_its_least_part() {
         let p = [[0., 0., 0.], [1., 0.1, 0.], [0.2, 0.9, 0.], [0.1, 0.3, 0.4]].map(Point::from);
-        let controls = Controls { surface_size_mm: 10.0, facet_angle_deg: 15.0, tet_volume_mm3: 10.0 };
-        let targets = Targets::new(&controls, 0.01);
+        let controls = Controls {
+            surface_size_mm: 10.0,
+            facet_angle_deg: 15.0,
+            tet_volume_mm3: 10.0,
+            ..Controls::for_size(1.0)
+        };
+        let targets = Targets::new(&controls, None).at(0.01);
         let refused = |score: f64| score.is_infinite() && score < 0.0;
         let (volume, sine) = score::volume_and_least_sine(&p);
         assert!(volume > 0.0);
@@ -229,7 +257,7 @@ mod tests {
             assert!(refused(star.score(&targets, p[k], s + 1e-9)));
         }
         // With a coarse lattice the altitude is what is short: 6 V over twice the largest face.
-        let coarse = Targets::new(&controls, 100.0);
+        let coarse = Targets::new(&controls, None).at(100.0);
         let largest = score::face_vectors(&p).iter().map(nalgebra::Matrix::norm).fold(0.0, f64::max);
         let mut star = Star::default();
         star.add_tet(p, 0);

@@ -13,8 +13,14 @@
 //! the diagonals of a wedge never turn in a circle, which is what would make it impossible to fill.
 
 use super::cut::{Field, Warped};
+use super::score;
 use crate::geometry::{ImplicitBody, Point};
 use rayon::prelude::*;
+
+/// Sine of a dihedral angle (15°) below which a tetrahedron with all points on the surface is not kept.
+const LEAST_SINE: f64 = 0.26;
+/// Tetrahedra that one piece of parallel work cuts.
+const TETS_AT_A_TIME: usize = 8192;
 
 /// Cuts lattice tetrahedra; nodes are lattice points, then cuts.
 struct Stencil<'a> {
@@ -26,15 +32,17 @@ struct Stencil<'a> {
 /// All tetrahedra inside the warped lattice, with positive volumes, in the order of the lattice.
 pub(super) fn cut_all(body: &dyn ImplicitBody, field: &Field, warped: &Warped) -> Vec<[u32; 4]> {
     let stencil = Stencil { field, warped, body };
-    let layers: Vec<Vec<[u32; 4]>> = (0..field.lattice.layers())
-        .into_par_iter()
-        .map(|layer| {
-            let mut out = Vec::new();
-            field.lattice.tets_of_layer(layer, |t| stencil.cut(t, &mut out));
+    let parts: Vec<Vec<[u32; 4]>> = field
+        .background
+        .tets
+        .par_chunks(TETS_AT_A_TIME)
+        .map(|tets| {
+            let mut out = Vec::with_capacity(tets.len());
+            tets.iter().for_each(|t| stencil.cut(*t, &mut out));
             out
         })
         .collect();
-    layers.concat()
+    parts.concat()
 }
 
 impl Stencil<'_> {
@@ -49,7 +57,7 @@ impl Stencil<'_> {
     }
     /// Whether `p` comes before `q`: deeper first, then by number.
     fn rank(&self, p: u32, q: u32) -> std::cmp::Ordering {
-        let v = &self.field.values;
+        let v = &self.field.background.values;
         v[p as usize].total_cmp(&v[q as usize]).then(p.cmp(&q))
     }
 
@@ -60,8 +68,12 @@ impl Stencil<'_> {
         match (inside, outside) {
             (0, 0) => {
                 // All four were warped onto the surface: a piece of the body, or a piece of the outside.
-                let sum = tet.iter().map(|&p| self.place(p).coords).sum::<crate::geometry::Vector>();
-                if self.body.value(&(sum / 4.0).into()) < 0.0 {
+                // A flat one, where cubes of two widths meet, is better left out: what it hides becomes the surface.
+                let places = tet.map(|p| self.place(p));
+                let sum = places.iter().map(|p| p.coords).sum::<crate::geometry::Vector>();
+                let (volume, sine) = score::volume_and_least_sine(&places);
+                let is_flat = volume <= 0.0 || sine < LEAST_SINE;
+                if !is_flat && self.body.value(&(sum / 4.0).into()) < 0.0 {
                     out.push(tet);
                 }
             }

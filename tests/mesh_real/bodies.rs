@@ -35,7 +35,12 @@ fn cuboid(half: [f64; 3]) -> Body<impl Fn(&Point) -> f64 + Sync> {
 }
 
 fn controls(surface_size_mm: f64) -> Controls {
-    Controls { surface_size_mm, facet_angle_deg: 10.0, tet_volume_mm3: 0.5 * surface_size_mm.powi(3) }
+    Controls {
+        surface_size_mm,
+        facet_angle_deg: 10.0,
+        tet_volume_mm3: 0.5 * surface_size_mm.powi(3),
+        ..Controls::for_size(1.0)
+    }
 }
 
 #[test]

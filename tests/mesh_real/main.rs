@@ -1,6 +1,7 @@
 //! The mesher on real grains, on visual hulls and on bodies that are no grains.
 
 mod bodies;
+mod graded;
 mod grains;
 mod hulls;
 
