@@ -1,6 +1,6 @@
 //! Stresses and strains of the elements, for pictures and files.
 
-use super::elastic::Moduli;
+use super::elastic::{self, Moduli};
 use super::lanes::{W, edges, gradients, pick, rotations, times, times_transposed};
 use super::plastic::Law;
 use super::{Body, Dynamics};
@@ -50,7 +50,7 @@ pub(super) fn fields(body: &Body, dynamics: &Dynamics) -> Fields {
             let mut out = Vec::with_capacity(chunk.count);
             for (b, batch) in chunk.batches.iter().enumerate() {
                 let f = gradients(batch, &edges(batch, local));
-                let (r, _, determinant) = rotations(&f);
+                let (r, _, _) = rotations(&f);
                 for l in 0..W.min(chunk.count - b * W) {
                     let (fm, rm) = (pick(&f, l), pick(&r, l));
                     let mut strain = 0.0;
@@ -67,13 +67,7 @@ pub(super) fn fields(body: &Body, dynamics: &Dynamics) -> Fields {
                         }
                         turned
                     } else {
-                        let trace: f64 = (0..9).map(|k| fm[k] * rm[k]).sum();
-                        let mut p = [0.0; 9];
-                        for k in 0..9 {
-                            p[k] =
-                                2.0 * moduli.shear * (fm[k] - rm[k]) + moduli.lambda * (trace - 3.0) * rm[k];
-                        }
-                        times_transposed(&p, &fm).map(|x| x / determinant[l])
+                        elastic::cauchy(&moduli, &fm)
                     };
                     out.push(([s[0], s[4], s[8], s[5], s[2], s[1]], strain));
                 }

@@ -11,6 +11,7 @@ mod body;
 mod dynamics;
 mod elastic;
 mod error;
+pub mod experiment;
 mod fields;
 pub mod hertz;
 mod lanes;
@@ -20,7 +21,10 @@ mod order;
 mod plastic;
 mod plates;
 mod press;
+mod readoff;
 pub mod rest;
+mod section;
+mod state;
 mod touch;
 
 pub use body::Body;
@@ -30,4 +34,10 @@ pub use fields::Fields;
 pub use material::Material;
 pub use plates::{Plates, Reaction};
 pub use press::{Loading, Press, Sample};
+pub use readoff::{
+    Agreement, CurvePoint, HertzFit, QUASI_STATIC, QuasiStatic, agreement, fit_hertz, quasi_static,
+    transition_mm,
+};
+pub use section::section;
+pub use state::StateError;
 pub use touch::{Contact, Plate, Touch};

@@ -57,6 +57,13 @@ impl Default for Loading {
 }
 
 impl Loading {
+    /// How much of the way to the end is done at a sample, 0 to 1.
+    pub fn done_at(&self, sample: &Sample) -> f64 {
+        let by_force = self.to_force_n.map_or(0.0, |f| (sample.force_n.max(0.0) / f).powf(2.0 / 3.0));
+        let by_approach = self.to_approach_mm.map_or(0.0, |d| sample.approach_mm / d);
+        by_force.max(by_approach).clamp(0.0, 1.0)
+    }
+
     /// Whether the plates can move so.
     ///
     /// # Errors
@@ -200,6 +207,12 @@ impl Press {
         Ok(press)
     }
 
+    /// How far the farthest node is beyond a plate, mm: rounding.
+    pub fn overclosure_mm(&self) -> f64 {
+        let beyond = |p: &Node| (self.plates.lower_mm - p[2]).max(p[2] - self.plates.upper_mm);
+        self.dynamics.places.iter().map(beyond).fold(0.0, f64::max)
+    }
+
     /// The body.
     pub fn body(&self) -> &Body {
         &self.body
@@ -237,10 +250,21 @@ impl Press {
 
     /// How much of the way to the end is done, 0 to 1: a guess by the approach, or by the force as a contact's grows.
     pub fn done(&self) -> f64 {
-        let force = self.samples.last().map_or(0.0, |s| s.force_n);
-        let by_force = self.loading.to_force_n.map_or(0.0, |f| (force.max(0.0) / f).powf(2.0 / 3.0));
-        let by_approach = self.loading.to_approach_mm.map_or(0.0, |d| self.approach_mm() / d);
-        by_force.max(by_approach).clamp(0.0, 1.0)
+        self.samples.last().map_or(0.0, |s| self.loading.done_at(s))
+    }
+
+    /// The places of the mesh's nodes now, mm, with the lower plate at the height nought, and that of the upper plate.
+    pub fn placed_mm(&self) -> (Vec<Point>, f64) {
+        let mut out = vec![Point::origin(); self.body.nodes()];
+        for (n, x) in self.dynamics.places.iter().enumerate() {
+            out[self.body.mesh_node(n)] = Point::new(x[0], x[1], x[2] - self.plates.lower_mm);
+        }
+        (out, self.plates.upper_mm - self.plates.lower_mm)
+    }
+
+    /// The grain's height as it was put between the plates, mm.
+    pub fn height_mm(&self) -> f64 {
+        self.height_mm
     }
 
     /// Whether the force or the approach is reached.

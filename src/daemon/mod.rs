@@ -1,5 +1,6 @@
 //! Owns the one rig and its one job at a time; what both the command line and the server drive.
 
+mod compressing;
 mod devices;
 mod finish;
 mod host;
@@ -11,6 +12,10 @@ mod recorded;
 mod scale_file;
 mod scaling;
 
+pub use compressing::{
+    CompressInput, CompressProgress, CompressResult, CompressSettings, Compression, EnergyResult, OtherCurve,
+    Placing,
+};
 pub use devices::{DeviceLine, devices};
 pub use finish::{Finished, RESULT};
 pub use host::{Host, HostError};
@@ -25,6 +30,8 @@ pub use scaling::{Angles, ScaleRequest, calibrate_scale};
 use crate::acquire::AcquireError;
 use crate::calibrate::ScaleError;
 use crate::config::ConfigError;
+use crate::contact::ContactError;
+use crate::export::ExportError;
 use crate::pipeline::PipelineError;
 use crate::rig::RigError;
 use crate::session::SessionError;
@@ -50,6 +57,23 @@ pub enum DaemonError {
     /// A device.
     #[error(transparent)]
     Rig(#[from] RigError),
+    /// The compression.
+    #[error(transparent)]
+    Contact(#[from] ContactError),
+    /// A body that cannot be meshed.
+    #[error(transparent)]
+    Mesh(crate::mesh::MeshError),
+    /// A file of the compression could not be made.
+    #[error(transparent)]
+    Export(#[from] ExportError),
+    /// A folder without a compression that can go on.
+    #[error("{} has no compression to go on with: {reason}; begin it anew in another folder", path.display())]
+    Resume {
+        /// The folder.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
     /// The computation.
     #[error(transparent)]
     Pipeline(#[from] PipelineError),

@@ -4,6 +4,8 @@
 
 mod error;
 pub mod inp;
+pub mod press_deck;
+pub mod pvd;
 pub mod stl;
 pub mod vtu;
 

@@ -5,11 +5,13 @@
 
 mod bitmap;
 mod canvas;
+mod field;
 mod outline;
 mod sheet;
 mod svg;
 mod tiles;
 
+pub use field::{FieldCut, FieldPicture};
 pub use outline::{Marks, Shot};
 pub use sheet::{Mark, Panel, Point, Series, Sheet};
 pub use tiles::{Tile, Tiles};
