@@ -53,10 +53,11 @@ pub struct Arguments {
     /// Stop at this approach of the plates, mm.
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     to_approach_mm: Option<f64>,
-    /// Largest circumradius of a surface facet, mm; by default a fourteenth of the grain's height.
+    /// Largest circumradius of a surface facet, mm; by default a fourteenth of the diameter of a ball of
+    /// the grain's volume.
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     size_mm: Option<f64>,
-    /// The same where the plates touch, mm; by default an eightieth of the height.
+    /// The same where the plates touch, mm; by default as fine as 120 000 tetrahedra allow, at most an 85th.
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     size_at_contact_mm: Option<f64>,
     /// Turn the grain about x, then y, then z (degrees) instead of letting it come to rest on the lower plate.

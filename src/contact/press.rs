@@ -46,9 +46,9 @@ impl Default for Loading {
         Self {
             to_force_n: Some(10.0),
             to_approach_mm: None,
-            slowest: 5e-5,
+            slowest: 6e-6,
             fastest: 1e-3,
-            motion_share: 0.05,
+            motion_share: 0.03,
             damping: 0.2,
             mass_scaling: 0.01,
             step_s: None,
@@ -87,13 +87,13 @@ impl Loading {
             return bad("to_force_n", f64::NAN, "N", "given where no approach is", "say where to stop");
         }
         if !positive(self.slowest) || self.slowest > 0.01 {
-            return bad("slowest", self.slowest, "√(E/ρ)", "above 0 and at most 0.01", "5e-5 is usual");
+            return bad("slowest", self.slowest, "√(E/ρ)", "above 0 and at most 0.01", "6e-6 is usual");
         }
         if !(self.fastest >= self.slowest && self.fastest <= 0.01) {
             return bad("fastest", self.fastest, "√(E/ρ)", "from the slowest to 0.01", "1e-3 is usual");
         }
         if !positive(self.motion_share) || self.motion_share > 1.0 {
-            return bad("motion_share", self.motion_share, "", "above 0 and at most 1", "0.05 is usual");
+            return bad("motion_share", self.motion_share, "", "above 0 and at most 1", "0.03 is usual");
         }
         if !(0.0..=10.0).contains(&self.damping) {
             return bad("damping", self.damping, "c_s/H", "from 0 to 10", "0.2 is usual");
@@ -161,6 +161,7 @@ pub struct Press {
     /// The plates' distance when the approach was nought, mm.
     gap_mm: f64,
     height_mm: f64,
+    mass_t: f64,
 }
 
 impl Press {
@@ -189,6 +190,7 @@ impl Press {
         let height_mm = top - bottom;
         dynamics.damping_per_s = loading.damping * material.shear_wave_mm_s() / height_mm;
         let skin = Skin::new(mesh, &body);
+        let mass_t = body.mass_t();
         let mut press = Self {
             body,
             dynamics,
@@ -202,6 +204,7 @@ impl Press {
             skin,
             gap_mm,
             height_mm,
+            mass_t,
         };
         press.review()?;
         Ok(press)
@@ -318,7 +321,7 @@ impl Press {
         let material = &self.body.material;
         let bar_mm_s = (material.young_mpa / material.density_t_mm3).sqrt();
         let work = self.dynamics.spent.external.max(0.0);
-        let mass: f64 = material.density_t_mm3 * self.height_mm.powi(3);
+        let mass = self.mass_t;
         let wanted = (2.0 * self.loading.motion_share * work / mass).sqrt();
         let wanted = wanted.clamp(self.loading.slowest * bar_mm_s, self.loading.fastest * bar_mm_s);
         let most = self.loading.slowest * bar_mm_s * self.step_s * material.shear_wave_mm_s()

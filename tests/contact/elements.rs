@@ -28,7 +28,7 @@ fn map(body: &Body, by: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Vec<[f64; 3]> 
 fn a_homogeneous_stretch_makes_the_same_stress_everywhere_whatever_the_mesh() {
     // The forces on inner nodes are nought, and the energy is that of Hooke's law.
     let body = Body::new(&ball(0.5, 3.0), &elastic()).unwrap();
-    let e = 1e-6;
+    let e = 1e-5;
     let strain = Matrix3::new(e, 0.3 * e, 0.1 * e, 0.3 * e, -0.5 * e, 0.2 * e, 0.1 * e, 0.2 * e, 0.7 * e);
     let places = map(&body, |x| x + strain * x);
     let mut d = Dynamics::new(&body);
@@ -38,7 +38,7 @@ fn a_homogeneous_stretch_makes_the_same_stress_everywhere_whatever_the_mesh() {
     let square = strain.iter().map(|s| s * s).sum::<f64>();
     let hooke = volume * (m.shear_mpa() * square + 0.5 * m.lambda_mpa() * strain.trace().powi(2));
     let stored = d.energy(&body).stored;
-    assert!((stored / hooke - 1.0).abs() < 1e-5, "{stored} {hooke}");
+    assert!((stored / hooke - 1.0).abs() < 1e-4, "{stored} {hooke}");
     // After one tiny step only surface nodes have moved: inner ones feel no force.
     let dt = 1e-12;
     d.step(&body, &mut far(), [0.0; 2], dt).unwrap();

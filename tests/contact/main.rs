@@ -2,4 +2,5 @@
 
 mod bodies;
 mod elements;
+mod press;
 mod sphere;

@@ -2,13 +2,16 @@
 
 use super::DaemonError;
 use crate::contact::rest;
-use crate::geometry::{Ball, Point, TriangleMesh, Vector};
+use crate::geometry::{Ball, ImplicitBody, Point, TriangleMesh, Vector};
 use crate::mesh::{Controls, Solid, TetMesh, mesh};
 use nalgebra::Rotation3;
 
-/// Elements at the contacts and elsewhere where nobody says, over the grain's height.
-const SIZE_AT_CONTACT: f64 = 1.0 / 80.0;
+/// Elements where nobody says, over the diameter of a ball of the grain's volume.
 const SIZE: f64 = 1.0 / 14.0;
+/// Elements at the contacts, over the same: from the first, finer by a third each time, to the last, while there are not more
+/// tetrahedra than this. A grain on a flat side has much surface near the plate, a ball little.
+const AT_CONTACT: [f64; 2] = [1.0 / 28.0, 1.0 / 85.0];
+const TETRAHEDRA: usize = 120_000;
 
 /// The body to compress.
 #[derive(Debug, Clone)]
@@ -55,22 +58,11 @@ pub(super) fn placed(
     placing: &Placing,
     told: &mut dyn FnMut(f64),
 ) -> Result<Placed, DaemonError> {
-    let meshed = |body: &dyn crate::geometry::ImplicitBody, height: f64, told: &mut dyn FnMut(f64)| {
-        let size = placing.size_mm.unwrap_or(SIZE * height);
-        let at_contact = placing.size_at_contact_mm.unwrap_or((SIZE_AT_CONTACT * height).min(size));
-        let controls = Controls {
-            surface_size_mm: size,
-            tet_volume_mm3: 0.5 * size.powi(3),
-            size_at_contact_mm: Some(at_contact),
-            ..Controls::for_size(height)
-        };
-        mesh(body, &controls, told).map_err(DaemonError::Mesh)
-    };
     match input {
         CompressInput::Sphere(diameter) => {
             let radius = 0.5 * diameter;
             let ball = Ball { center: Point::origin(), radius_mm: radius };
-            let mesh = meshed(&ball, *diameter, told)?;
+            let mesh = meshed(&ball, *diameter, placing, told)?;
             // The plates begin where the sphere is, not its facets: what is between is no approach of theirs.
             Ok(Placed {
                 mesh,
@@ -85,9 +77,9 @@ pub(super) fn placed(
             let turn = turn(&surface.vertices, &center, placing);
             let vertices = surface.vertices.iter().map(|p| Point::from(turn * (p - center))).collect();
             let turned = TriangleMesh { vertices, triangles: surface.triangles.clone() };
-            let (low, high) = reach(&turned.vertices);
+            let diameter_mm = (6.0 * turned.volume_mm3().abs() / std::f64::consts::PI).cbrt();
             let solid = Solid::new(turned).map_err(DaemonError::Mesh)?;
-            Ok(between(meshed(&solid, high - low, told)?, &turn))
+            Ok(between(meshed(&solid, diameter_mm, placing, told)?, &turn))
         }
         CompressInput::Mesh(given, _) => {
             given.check().map_err(crate::contact::ContactError::Mesh)?;
@@ -98,6 +90,43 @@ pub(super) fn placed(
             Ok(between(TetMesh::new(nodes, given.tets.clone()), &turn))
         }
     }
+}
+
+/// Fills a body that is about as large as a ball of this diameter.
+fn meshed(
+    body: &dyn ImplicitBody,
+    diameter_mm: f64,
+    placing: &Placing,
+    told: &mut dyn FnMut(f64),
+) -> Result<TetMesh, DaemonError> {
+    let size = placing.size_mm.unwrap_or(SIZE * diameter_mm);
+    let with = |at_contact: f64, told: &mut dyn FnMut(f64)| {
+        let controls = Controls {
+            surface_size_mm: size,
+            tet_volume_mm3: 0.5 * size.powi(3),
+            size_at_contact_mm: Some(at_contact),
+            ..Controls::for_size(diameter_mm)
+        };
+        mesh(body, &controls, told).map_err(DaemonError::Mesh)
+    };
+    if let Some(asked) = placing.size_at_contact_mm {
+        return with(asked, told);
+    }
+    let mut at_contact = (AT_CONTACT[0] * diameter_mm).min(size);
+    let mut made = with(at_contact, told)?;
+    while at_contact > AT_CONTACT[1] * diameter_mm {
+        // Elements on the surface grow with the square of its fineness: what would be far too many is not tried.
+        if made.tets.len() * 3 / 2 > TETRAHEDRA {
+            break;
+        }
+        at_contact = (at_contact / 1.5).max(0.999 * AT_CONTACT[1] * diameter_mm);
+        let finer = with(at_contact, told)?;
+        if finer.tets.len() > TETRAHEDRA {
+            break;
+        }
+        made = finer;
+    }
+    Ok(made)
 }
 
 /// Plates at the ends of the mesh.
