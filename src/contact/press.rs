@@ -60,7 +60,7 @@ impl Loading {
     /// How much of the way to the end is done at a sample, 0 to 1.
     pub fn done_at(&self, sample: &Sample) -> f64 {
         let by_force = self.to_force_n.map_or(0.0, |f| (sample.force_n.max(0.0) / f).powf(2.0 / 3.0));
-        let by_approach = self.to_approach_mm.map_or(0.0, |d| sample.approach_mm / d);
+        let by_approach = self.to_approach_mm.map_or(0.0, |d| sample.end_mm / d);
         by_force.max(by_approach).clamp(0.0, 1.0)
     }
 
@@ -119,6 +119,8 @@ pub struct Sample {
     pub steps: u64,
     /// The approach of the plates in the middle of the stretch, mm.
     pub approach_mm: f64,
+    /// The approach of the plates at the end of the stretch, mm.
+    pub end_mm: f64,
     /// The mean of both plates' forces over the stretch, N.
     pub force_n: f64,
     /// Of the lower plate on the grain, over the stretch, N.
@@ -341,6 +343,7 @@ impl Press {
             time_s: self.dynamics.time_s,
             steps: self.dynamics.steps,
             approach_mm: 0.5 * (stretch.from_mm + approach),
+            end_mm: approach,
             force_n: 0.5 * (lower_n[2] - upper_n[2]),
             lower_n,
             upper_n,

@@ -52,24 +52,26 @@ impl FieldPicture {
     /// # Errors
     /// What the encoder says.
     pub fn png(&self) -> Result<Vec<u8>, image::ImageError> {
-        let size = [(EDGE * self.cuts.len().max(1) as f64) as usize, (ABOVE + EDGE + BELOW) as usize];
-        let mut canvas = Bitmap::new(size);
-        canvas.text([14.0, 16.0], Anchor::Left, &self.title, BLACK);
         let corners = || self.cuts.iter().flat_map(|c| &c.polygons).flat_map(|p| &p.0);
         let reach = |k: usize| {
             corners().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), c| (l.min(c[k]), h.max(c[k])))
         };
         let (across, up) = (reach(0), reach(1));
         let side = (across.1 - across.0).max(up.1 - up.0);
+        // A flat body needs no high picture.
+        let high = if side.is_finite() && side > 0.0 { EDGE * ((up.1 - up.0) / side).max(0.2) } else { EDGE };
+        let size = [(EDGE * self.cuts.len().max(1) as f64) as usize, (ABOVE + high + BELOW) as usize];
+        let mut canvas = Bitmap::new(size);
+        canvas.text([14.0, 16.0], Anchor::Left, &self.title, BLACK);
         if side.is_finite() && side > 0.0 {
             let scale = EDGE * (1.0 - 2.0 * AROUND) / side;
             for (k, cut) in self.cuts.iter().enumerate() {
-                let middle = [EDGE * (k as f64 + 0.5), ABOVE + 0.5 * EDGE];
+                let middle = [EDGE * (k as f64 + 0.5), ABOVE + 0.5 * high];
                 let place = |c: &[f64; 2]| {
                     let off = [c[0] - 0.5 * (across.0 + across.1), c[1] - 0.5 * (up.0 + up.1)];
                     [middle[0] + scale * off[0], middle[1] - scale * off[1]]
                 };
-                cut.draw(&mut canvas, &place, EDGE * k as f64);
+                cut.draw(&mut canvas, &place, EDGE * k as f64, ABOVE + high + 12.0);
             }
         }
         canvas.png()
@@ -77,7 +79,7 @@ impl FieldPicture {
 }
 
 impl FieldCut {
-    fn draw(&self, canvas: &mut Bitmap, place: &dyn Fn(&[f64; 2]) -> [f64; 2], left: f64) {
+    fn draw(&self, canvas: &mut Bitmap, place: &dyn Fn(&[f64; 2]) -> [f64; 2], left: f64, top: f64) {
         canvas.text([left + 14.0, 42.0], Anchor::Left, &self.caption, BLACK);
         let [low, high] = self.range;
         for (corners, value) in &self.polygons {
@@ -88,7 +90,7 @@ impl FieldCut {
             let y = place(&[0.0, *level])[1];
             canvas.line(&[[left + 8.0, y], [left + EDGE - 8.0, y]], 2.0, GREY);
         }
-        let (bar, top) = (EDGE - 160.0, ABOVE + EDGE + 12.0);
+        let bar = EDGE - 160.0;
         let steps = 100;
         for i in 0..steps {
             let part = f64::from(i) / f64::from(steps);

@@ -35,7 +35,7 @@ impl Table {
         let rows: Vec<Vec<String>> = lines.iter().map(|l| fields(l, separator)).collect();
         let column = |row: &[String], names: &[&str]| {
             // The names stand in the order of preference.
-            names.iter().find_map(|n| row.iter().position(|f| name_and_unit(f).0 == *n))
+            names.iter().find_map(|n| row.iter().position(|f| name_and_unit(f).0 == n.to_lowercase()))
         };
         let is_header = |row: &[String]| {
             let known = [&TIME[..], &DISPLACEMENT, &FORCE];

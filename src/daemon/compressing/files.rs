@@ -53,7 +53,7 @@ pub(super) fn stage(folder: &Path, number: usize, mesh: &TetMesh, press: &Press)
         cuts.push(coloured("equivalent plastic strain", &fields.plastic_strain, [0.0, most]));
     }
     let title = format!(
-        "stage {number}: approach {:.2} um, force {:.3} N, {} contacts",
+        "stage {number}: approach {:.2} µm, force {:.3} N, {} contacts",
         1e3 * sample.approach_mm,
         sample.force_n,
         sample.touches.len()
@@ -185,7 +185,7 @@ fn sheet(press: &Press, result: &CompressResult, others: &[OtherCurve]) -> Sheet
         |name: &str, of: fn(&Sample) -> f64| series(name, samples.iter().map(|x| (x.approach_mm, of(x))));
     let panel = |title: &str, series: Vec<Series>, marks: Vec<Mark>| Panel {
         title: title.into(),
-        abscissa: "approach of the plates, um".into(),
+        abscissa: "approach of the plates, µm".into(),
         series,
         marks,
     };
@@ -220,7 +220,7 @@ fn sheet(press: &Press, result: &CompressResult, others: &[OtherCurve]) -> Sheet
         ),
     ];
     let mut figures = vec![format!(
-        "{}: {} tetrahedra, {} steps, last force {:.3} N at {:.2} um; E = {} MPa, nu = {}, friction {}",
+        "{}: {} tetrahedra, {} steps, last force {:.3} N at {:.2} µm; E = {} MPa, nu = {}, friction {}",
         s.source,
         result.elements,
         result.steps,
@@ -231,11 +231,11 @@ fn sheet(press: &Press, result: &CompressResult, others: &[OtherCurve]) -> Sheet
         s.friction
     )];
     if let Some(d) = result.delta_i_mm {
-        figures.push(format!("delta_i at {} N: {:.2} um", s.transition_n, 1e3 * d));
+        figures.push(format!("delta_i at {} N: {:.2} µm", s.transition_n, 1e3 * d));
     }
     if let Some(fit) = &result.hertz {
         figures.push(format!(
-            "Hertz after delta_i: E* = {:.0} MPa at R = {:.4} mm, or R = {:.4} mm at the material's E*; origin {:.2} um, residual {:.3} N",
+            "Hertz after delta_i: E* = {:.0} MPa at R = {:.4} mm, or R = {:.4} mm at the material's E*; origin {:.2} µm, residual {:.3} N",
             fit.contact_modulus_mpa,
             0.5 * s.gap_mm,
             fit.radius_mm,
@@ -247,7 +247,7 @@ fn sheet(press: &Press, result: &CompressResult, others: &[OtherCurve]) -> Sheet
         let delta = transition_mm(&other.points, s.transition_n);
         let mut line = format!("{}: ", other.name);
         if let Some(d) = delta {
-            let _ = write!(line, "delta_i {:.2} um; ", 1e3 * d);
+            let _ = write!(line, "delta_i {:.2} µm; ", 1e3 * d);
         }
         let computed: Vec<CurvePoint> = result.curve.clone();
         match agreement(&computed, &other.points) {

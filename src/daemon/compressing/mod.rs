@@ -255,7 +255,7 @@ impl Compression {
                     break;
                 }
             };
-            if self.stages().len() > stages || self.press.finished() {
+            if self.stages().len() > stages {
                 files::stage(&self.folder, self.stages().len(), &self.mesh, &self.press)?;
             }
             if last_kept.elapsed() >= CHECKPOINT_EACH {
@@ -302,7 +302,7 @@ impl Compression {
         if let Some(q) = quasi.filter(|q| q.largest > crate::contact::QUASI_STATIC) {
             warnings.push(format!(
                 "not quasi-static everywhere: after the first contact the kinetic energy reached {:.1} % of the internal one (at \
-                 {:.2} um of approach), and was above 5 % over {:.1} % of the approach since; use a lower --speed",
+                 {:.2} µm of approach), and was above 5 % over {:.1} % of the approach since; use a lower --speed",
                 100.0 * q.largest,
                 1e3 * q.at_mm,
                 100.0 * q.above_limit
