@@ -102,6 +102,81 @@ fn a_cube_between_smooth_plates_gives_hookes_force() {
     assert!(reaction[0].abs() < 1e-4 && reaction[1].abs() < 1e-4, "{reaction:?}");
 }
 
+/// A cube whose corner nodes inside are moved about: no element like another.
+fn shaken_cube(n: u32) -> TetMesh {
+    let mut mesh = cube(n);
+    let inner = |p: &Point| p.iter().all(|x| *x > 1e-9 && *x < 1.0 - 1e-9);
+    for (i, p) in mesh.nodes.iter_mut().enumerate().filter(|(_, p)| inner(p)) {
+        let wave = |k: f64| 0.15 / f64::from(n) * (k * i as f64).sin();
+        *p = Point::new(p.x + wave(1.0), p.y + wave(2.0), p.z + wave(3.0));
+    }
+    mesh
+}
+
+#[test]
+fn ten_node_tetrahedra_pass_the_patch_test() {
+    if !has_calculix() {
+        return;
+    }
+    let grain = shaken_cube(3);
+    assert_eq!(grain.check(), Ok(()));
+    let folder = tempfile::tempdir().unwrap();
+    let mut deck = Vec::new();
+    inp::write_order(&grain, inp::Order::Second, &[], 0.01, &mut deck).unwrap();
+    fs::write(folder.path().join("grain.inp"), deck).unwrap();
+    // Every node of the surface follows one linear field of displacements: inside all must do so, and the stress be the
+    // same everywhere.
+    let second = grain.second_order();
+    let field = |p: &Point| [1e-3 * p.x + 2e-4 * p.y, 3e-4 * p.y - 1e-4 * p.z, -5e-4 * p.z + 4e-4 * p.x];
+    let on_surface = |p: &Point| p.iter().any(|x| *x < 1e-9 || *x > 1.0 - 1e-9);
+    let held: String = second
+        .nodes
+        .iter()
+        .enumerate()
+        .filter(|(_, p)| on_surface(p))
+        .flat_map(|(i, p)| {
+            (0..3).map(move |k| format!("{}, {1}, {1}, {2:.12e}\n", i + 1, k + 1, field(p)[k]))
+        })
+        .collect();
+    let deck = format!(
+        "*INCLUDE, INPUT=grain.inp\n*MATERIAL, NAME=QUARTZ\n*ELASTIC\n{YOUNG_MPA}, 0.22\n\
+         *SOLID SECTION, ELSET=GRAIN, MATERIAL=QUARTZ\n*STEP\n*STATIC\n*BOUNDARY\n{held}\
+         *NODE PRINT, NSET=GRAIN_NODES\nU\n*EL PRINT, ELSET=GRAIN\nS\n*END STEP\n"
+    );
+    fs::write(folder.path().join("deck.inp"), deck).unwrap();
+    let out = Command::new("ccx").arg("deck").current_dir(folder.path()).output().unwrap();
+    let said = String::from_utf8_lossy(&out.stdout);
+    assert!(said.contains("Job finished") && !said.contains("*ERROR"), "{said}");
+    let data = fs::read_to_string(folder.path().join("deck.dat")).unwrap();
+    let rows = |header: &str| -> Vec<Vec<f64>> {
+        let lines = data.lines().skip_while(|l| !l.contains(header)).skip(2);
+        lines
+            .take_while(|l| !l.trim().is_empty())
+            .map(|l| l.split_whitespace().filter_map(|w| w.parse().ok()).collect())
+            .collect()
+    };
+    let moved = rows("displacements");
+    assert_eq!(moved.len(), second.nodes.len(), "{data:.2000}");
+    for row in moved {
+        let should = field(&second.nodes[row[0] as usize - 1]);
+        assert!((0..3).all(|k| (row[k + 1] - should[k]).abs() < 1e-9), "{row:?} {should:?}");
+    }
+    // Hooke's law for ε = (1, 0.3, −0.5)·10⁻³ and half the sums of the slopes across.
+    let (lame, shear) = (0.22 * YOUNG_MPA / (1.22 * 0.56), YOUNG_MPA / 2.44);
+    let trace = 0.8e-3;
+    let straight = [1e-3, 3e-4, -5e-4].map(|e| lame * trace + 2.0 * shear * e);
+    let across = [2e-4, 4e-4, -1e-4].map(|g| shear * g);
+    let stresses = rows("stresses");
+    assert!(stresses.len() >= 4 * grain.tets.len());
+    for row in stresses {
+        let should = straight.iter().chain(&across);
+        assert!(
+            row[2..].iter().zip(should).all(|(is, s)| (is - s).abs() < 1e-3),
+            "{row:?} {straight:?} {across:?}"
+        );
+    }
+}
+
 #[test]
 fn a_meshed_ball_is_compressed_with_a_plausible_force() {
     let ball = Ball { center: Point::origin(), radius_mm: 0.5 };

@@ -99,7 +99,6 @@ fn what_cannot_be_meshed_is_refused_with_its_name_and_a_remedy() {
     save("text.stl", (text + "endsolid one\n").as_bytes());
 
     refused(at, &["mesh", "open.stl"], 1, &["open.stl", "edge", "close it"]);
-    refused(at, &["mesh", "inverted.stl"], 1, &["inverted.stl", "mm³", "inside out", "outwards"]);
     refused(at, &["mesh", "sheets.stl"], 1, &["sheets.stl", "edge"]);
     refused(at, &["mesh", "empty.stl"], 1, &["empty.stl"]);
     refused(at, &["mesh", "cut.stl"], 1, &["cut.stl", "cut short", "500 bytes"]);
@@ -121,4 +120,115 @@ fn what_cannot_be_meshed_is_refused_with_its_name_and_a_remedy() {
     let out = grainrig(at, &["mesh", "text.stl", "--surface-size-mm", "0.2"]);
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
     assert!(at.join("text.inp").exists());
+}
+
+#[test]
+fn what_is_inside_out_is_turned_and_said_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let mut inside_out = ball();
+    inside_out.triangles.iter_mut().for_each(|t| t.swap(0, 1));
+    fs::write(at.join("inverted.stl"), written(&inside_out)).unwrap();
+    let out = grainrig(at, &["mesh", "inverted.stl", "--preset", "coarse", "--json"]);
+    let said = String::from_utf8_lossy(&out.stderr);
+    assert!(
+        out.status.success() && said.contains("inside out") && said.contains("turned outwards"),
+        "{said}"
+    );
+    let result: Value = serde_json::from_slice(&out.stdout).unwrap();
+    assert_eq!(result["turned_outwards"], true);
+    let deck = fs::read_to_string(at.join("inverted.inp")).unwrap();
+    assert!(
+        deck.contains("** the input was inside out") && deck.contains("** sha256 of the input "),
+        "{deck:.900}"
+    );
+}
+
+#[test]
+fn surfaces_without_an_inside_and_controls_that_contradict_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let save = |name: &str, mesh: &TriangleMesh| fs::write(at.join(name), written(mesh)).unwrap();
+    let whole = ball();
+    save("ball.stl", &whole);
+    // The same ball again, a third of its diameter aside.
+    let mut two = whole.clone();
+    let n = whole.vertices.len() as u32;
+    two.vertices.extend(whole.vertices.iter().map(|p| p + grainrig::geometry::Vector::new(0.3, 0.01, 0.02)));
+    two.triangles.extend(whole.triangles.iter().map(|t| t.map(|v| v + n)));
+    save("two.stl", &two);
+    // A sheet with a back.
+    let corners = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0.3, 0.3, 0.]].map(Point::from).to_vec();
+    let sheet =
+        TriangleMesh { vertices: corners, triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]] };
+    save("sheet.stl", &sheet);
+    let mut nan = written(&whole);
+    nan[84 + 12..84 + 16].copy_from_slice(&f32::NAN.to_le_bytes());
+    fs::write(at.join("nan.stl"), nan).unwrap();
+    // Ten million triangles: the header is enough.
+    let mut many = vec![b' '; 84];
+    many[80..84].copy_from_slice(&10_000_000u32.to_le_bytes());
+    fs::write(at.join("many.stl"), many).unwrap();
+
+    refused(at, &["mesh", "two.stl"], 1, &["two.stl", "cut one another", "repair it"]);
+    refused(at, &["mesh", "sheet.stl"], 1, &["sheet.stl", "mm³"]);
+    refused(at, &["mesh", "nan.stl"], 1, &["nan.stl", "not a finite"]);
+    refused(at, &["mesh", "many.stl"], 1, &["many.stl", "10000000 triangles", "5000000", "decimate"]);
+    let asked = |more: &[&str], code, parts: &[&str]| {
+        refused(at, &[&["mesh", "ball.stl"][..], more].concat(), code, parts);
+    };
+    asked(
+        &["--surface-size-mm", "0.02", "--size-at-contact-mm", "0.1"],
+        2,
+        &["size_at_contact_mm is 0.1 mm", "at most"],
+    );
+    asked(&["--distance-mm", "-1"], 2, &["distance_mm is -1 mm", "positive"]);
+    asked(&["--distance-mm", "1e-7"], 1, &["distance_mm", "could not be kept"]);
+    asked(&["--surface-size-mm", "1e-5"], 2, &["GB of memory", "set surface_size_mm"]);
+    asked(&["--contact-depth-mm", "0.1"], 2, &["--size-at-contact-mm"]);
+    asked(&["--order", "3"], 2, &["--order"]);
+}
+
+#[test]
+fn every_kind_of_file_is_written_and_meshes_and_surfaces_are_read_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    fs::write(at.join("ball.stl"), written(&ball())).unwrap();
+    let files = ["a.inp", "a.vtu", "a.msh", "a.stl", "a.ply", "a.glb", "a.svg", "a.png"];
+    let start = [
+        "mesh",
+        "ball.stl",
+        "--order",
+        "2",
+        "--surface-size-mm",
+        "0.1",
+        "--size-at-contact-mm",
+        "0.05",
+        "--out",
+    ];
+    let out = grainrig(at, &[&start[..], &files[..]].concat());
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let said = String::from_utf8_lossy(&out.stdout).into_owned();
+    assert!(said.contains("distance to the surface") && said.contains("s in quartz"), "{said}");
+    let has = |file: &str, what: &str| {
+        let bytes = fs::read(at.join(file)).unwrap();
+        assert!(String::from_utf8_lossy(&bytes).contains(what), "{file} should have `{what}`");
+    };
+    has("a.inp", "*ELEMENT, TYPE=C3D10, ELSET=GRAIN");
+    has("a.msh", "sha256 of the input ");
+    has("a.vtu", "<!-- made by grainrig ");
+    has("a.ply", "comment sha256 of the input ");
+    has("a.stl", "from sha256 ");
+    has("a.glb", "sha256 of the input ");
+    has("a.svg", "dihedral angles");
+    assert_eq!(&fs::read(at.join("a.png")).unwrap()[1..4], b"PNG");
+    for file in ["a.inp", "a.msh", "a.stl", "a.ply"] {
+        let out = grainrig(at, &["mesh", file, "--preset", "coarse", "--json", "--out", "again.vtu"]);
+        assert!(out.status.success(), "{file}: {}", String::from_utf8_lossy(&out.stderr));
+        let result: Value = serde_json::from_slice(&out.stdout).unwrap();
+        let volume = result["input_volume_mm3"].as_f64().unwrap();
+        assert!((volume - std::f64::consts::FRAC_PI_6).abs() < 0.01, "{file}: {volume}");
+        assert!(result["distance_to_input_mm"]["mean_mm"].as_f64().unwrap() < 0.01, "{file}");
+        assert!(result["time_step_quartz_s"].as_f64().unwrap() > 0.0, "{file}");
+    }
 }

@@ -8,7 +8,7 @@ use crate::contact::{CurvePoint, Loading, Material};
 use crate::daemon::{
     CompressInput, CompressProgress, CompressResult, CompressSettings, Compression, OtherCurve, Placing,
 };
-use crate::export::stl;
+use crate::export::{inp_read, msh, stl};
 use crate::session::Recording;
 use anyhow::{Context as _, Result, bail};
 use clap::Args;
@@ -17,13 +17,13 @@ use std::path::{Path, PathBuf};
 /// Options of `compress`.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// A session, or a closed surface (STL).
+    /// A session, a mesh of tetrahedra (.inp, .msh) or a closed surface (.stl).
     #[arg(required_unless_present_any = ["sphere_diameter_mm", "resume"])]
     input: Option<PathBuf>,
     /// A sphere of this diameter instead of an input, mm.
     #[arg(long, value_name = "MM", conflicts_with = "input", allow_negative_numbers = true)]
     sphere_diameter_mm: Option<f64>,
-    /// Unit of the STL file's numbers.
+    /// Unit of the file's numbers.
     #[arg(long, value_enum, default_value_t = Unit::Mm)]
     unit: Unit,
     /// How the grain answers; plastic yields at --yield-mpa.
@@ -122,7 +122,7 @@ pub(super) fn run(common: &Common, a: &Arguments) -> Result<()> {
             rotate_deg: a.rotate_deg.as_ref().map(|r| [r[0], r[1], r[2]]),
         };
         let made = Compression::begin(&out, &input, &placing, settings, &mut |d| {
-            meshing.set_position((100.0 * d) as u64)
+            meshing.set_position((100.0 * d) as u64);
         });
         meshing.finish_and_clear();
         made?
@@ -214,6 +214,19 @@ fn input(common: &Common, a: &Arguments) -> Result<(CompressInput, PathBuf)> {
     if ending == "stl" {
         let surface = surface(path, a.unit)?;
         return Ok((CompressInput::Surface(surface, path.display().to_string()), out(&name)));
+    }
+    if ending == "inp" || ending == "msh" {
+        let bytes =
+            std::fs::read(path).with_context(|| format!("cannot read {}; check the path", path.display()))?;
+        let read = if ending == "inp" { inp_read::read(&bytes) } else { msh::read(&bytes) };
+        let mut mesh = read.with_context(|| path.display().to_string())?;
+        mesh.nodes.iter_mut().for_each(|p| p.coords *= a.unit.in_mm());
+        if a.size_mm.is_some() || a.size_at_contact_mm.is_some() {
+            return Err(usage(
+                "--size-mm and --size-at-contact-mm go with a surface or a session; this file is a mesh already",
+            ));
+        }
+        return Ok((CompressInput::Mesh(mesh, path.display().to_string()), out(&name)));
     }
     let folder = super::session_folder(common, path)?;
     let recording = Recording::read(&folder)?;

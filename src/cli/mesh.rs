@@ -1,37 +1,58 @@
 //! `grainrig mesh`.
 
-use super::output::{print, print_json};
+use super::mesh_files::{Made, READ, check_output, ending, read, whole};
+use super::output::{print, print_json, say};
 use super::progress::Progress;
 use super::reconstruct::MeshOptions;
 use super::{Common, usage};
-use crate::daemon;
-use crate::export::{inp, stl, vtu};
-use crate::geometry::ImplicitBody as _;
-use crate::mesh::{Solid, mesh};
+use crate::daemon::{self, Finished};
+use crate::export::{inp, inp_read};
+use crate::geometry::{ImplicitBody as _, Point};
+use crate::mesh::{Controls, Distances, MeshError, Solid, mesh};
 use crate::pipeline::MeshResult;
-use crate::session::write_whole;
+use crate::report::{Sheet, mesh_sheet};
+use crate::session::sha256_hex;
 use anyhow::{Context as _, Result};
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+/// A coarse mesh's sizes over a fine one's, as in the published comparison of volumes.
+const COARSE: f64 = 2.0;
+
 /// Options of `mesh`.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// A closed surface (binary or ASCII STL), or a session.
+    /// A closed surface (.stl, .ply), a mesh whose surface is taken (.inp, .msh), or a session.
     input: PathBuf,
     #[command(flatten)]
     mesh: MeshOptions,
-    /// Unit of the STL file's numbers; what is written is in mm.
+    /// Sizes where none are given: fine has about 50 000 tetrahedra, coarse an eighth of them.
+    #[arg(long, value_enum)]
+    preset: Option<Preset>,
+    /// Nodes of a tetrahedron in .inp, .msh and .vtu: 1 for four, 2 for ten.
+    #[arg(long, value_name = "1|2", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
+    order: u8,
+    /// Unit of the file's numbers; what is written is in mm.
     #[arg(long, value_enum, default_value_t = Unit::Mm)]
     unit: Unit,
-    /// Files to write; the ending says what: .inp (Abaqus), .vtu (`ParaView`), .stl. By default NAME.inp here
-    /// for a surface; a session has its products in its own folder.
+    /// Files to write; the ending says what: .inp (Abaqus), .vtu (`ParaView`), .msh (Gmsh), .stl, .ply, .glb (surfaces),
+    /// .svg, .png (histograms of its quality). By default NAME.inp here for a surface; a session has its products in its
+    /// own folder.
     #[arg(long, value_name = "FILE", num_args = 1..)]
     out: Vec<PathBuf>,
 }
 
-/// Units of length; STL files do not say theirs.
+/// Sizes by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Preset {
+    /// Twice as large.
+    Coarse,
+    /// The default.
+    Fine,
+}
+
+/// Units of length; files do not say theirs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub(super) enum Unit {
     /// Micrometres.
@@ -52,119 +73,187 @@ impl Unit {
     }
 }
 
+impl Arguments {
+    fn order(&self) -> inp::Order {
+        if self.order == 2 { inp::Order::Second } else { inp::Order::First }
+    }
+}
+
 pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let input = &arguments.input;
     let outputs = outputs(arguments)?;
-    if ending(input) != "stl" {
-        if arguments.unit != Unit::Mm {
-            return Err(usage(format!(
-                "{}: --unit goes with an STL file (ending .stl); a session knows its scale",
-                input.display()
-            )));
-        }
-        let folder = super::session_folder(common, input)?;
-        let progress = Progress::new();
-        let outcome =
-            daemon::reconstruct(&folder, arguments.mesh.settings().as_ref(), true, &progress.watcher());
-        progress.finish();
-        let done = outcome?;
-        for path in &arguments.out {
-            let made = &done.result.products[&ending(path)];
-            write(path, &std::fs::read(made).with_context(|| format!("cannot read {made}"))?)?;
-        }
-        return super::capture::report(common, &done);
+    if !READ.contains(&ending(input).as_str()) {
+        return of_session(common, arguments);
     }
-    let bytes =
-        std::fs::read(input).with_context(|| format!("cannot read {}; check the path", input.display()))?;
-    let mut surface = stl::read(&bytes).with_context(|| input.display().to_string())?;
-    surface.vertices.iter_mut().for_each(|p| p.coords *= arguments.unit.in_mm());
-    let volume_mm3 = surface.volume_mm3();
-    let diameter_mm = (6.0 * volume_mm3 / std::f64::consts::PI).cbrt();
-    let solid = Solid::new(surface).with_context(|| input.display().to_string())?;
+    let start = Instant::now();
+    let (surface, bytes) = read(input, arguments.unit)?;
+    let name = || input.display().to_string();
+    let (solid, inwards) = Solid::turned_outwards(surface).with_context(name)?;
+    if inwards {
+        say(format!("{}: it was inside out; all its triangles are turned outwards", input.display()));
+    }
+    if let Some([first, second]) = solid.crossing() {
+        let place = solid.surface().corners(first)[0];
+        return Err(MeshError::Crossing { first, second, place }).with_context(name);
+    }
+    let volume_mm3 = solid.surface().volume_mm3();
+    let coarser = if arguments.preset == Some(Preset::Coarse) { COARSE } else { 1.0 };
+    let diameter_mm = coarser * (6.0 * volume_mm3 / std::f64::consts::PI).cbrt();
     let controls = arguments.mesh.settings().unwrap_or_default().controls(diameter_mm);
     controls.check().map_err(usage)?;
     let bar = super::progress::percent("meshing");
-    let start = Instant::now();
-    let made = mesh(&solid, &controls, &mut |done| bar.set_position((done * 100.0) as u64))
-        .with_context(|| input.display().to_string())?;
+    let made =
+        mesh(&solid, &controls, &mut |done| bar.set_position((done * 100.0) as u64)).with_context(name)?;
     let seconds = start.elapsed().as_secs_f64();
     bar.finish_and_clear();
-    let software = concat!("grainrig ", env!("CARGO_PKG_VERSION"));
-    let provenance = [format!("made by {software} from {}", input.display())];
-    for path in &outputs {
-        let mut out = Vec::new();
-        match ending(path).as_str() {
-            "inp" => inp::write(&made, &provenance, controls.surface_size_mm, &mut out)?,
-            "vtu" => vtu::write(&made, &[], &[], &mut out)?,
-            _ => stl::write(&made.surface().triangles, &mut out)?,
-        }
-        write(path, &out)?;
-    }
+    let triangles = 0..solid.surface().triangles.len();
+    let places: Vec<Point> = triangles
+        .map(|t| solid.surface().corners(t))
+        .map(|[a, b, c]| Point::from((a.coords + b.coords + c.coords) / 3.0))
+        .chain(solid.surface().vertices.iter().copied())
+        .collect();
+    let distances = Distances::measure(&solid, &made, &places).with_context(name)?;
     let result = MeshResult::new(&made, &controls, true);
-    let box_mm = solid.bounds().size();
+    let said = Said { result: &result, distances: &distances, volume_mm3, made_mm3: made.volume_mm3() };
+    let software = concat!("grainrig ", env!("CARGO_PKG_VERSION"));
+    let mut provenance = vec![
+        format!("made by {software} from {}", input.display()),
+        format!("sha256 of the input {}", sha256_hex(&bytes)),
+        format!("controls {}", serde_json::to_string(&controls)?),
+    ];
+    if inwards {
+        provenance.push("the input was inside out and has been turned".to_owned());
+    }
+    let sheet = said.sheet(&made, &format!("Mesh of {}", input.display()));
+    let order = arguments.order();
+    let files = Made { mesh: &made, order, band_mm: band(&controls), provenance: &provenance, sheet: &sheet };
+    outputs.iter().try_for_each(|path| files.write(path))?;
     if common.json {
         let mut object = serde_json::to_value(result)?;
+        object["input_volume_mm3"] = volume_mm3.into();
+        object["distance_to_input_mm"] = serde_json::to_value(distances.to_body)?;
+        object["distance_from_input_mm"] = serde_json::to_value(distances.from_body)?;
+        object["turned_outwards"] = inwards.into();
         object["seconds"] = seconds.into();
         object["files"] = outputs.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().into();
         return print_json(&object);
     }
-    let mut lines = vec![
-        format!("surface    {:.4} × {:.4} × {:.4} mm, {volume_mm3:.5} mm³", box_mm.x, box_mm.y, box_mm.z),
-        format!(
-            "mesh       {} nodes, {} triangles, {} tetrahedra, {:.5} mm³ in {seconds:.2} s",
-            result.nodes,
-            result.triangles,
-            result.tetrahedra,
-            made.volume_mm3()
-        ),
-        format!(
-            "           dihedral angles {:.1}° to {:.1}° (1 %: {:.1}°), facet angles from {:.1}°",
-            result.dihedral_deg.min,
-            result.dihedral_deg.max,
-            result.dihedral_deg.p01,
-            result.facet_angle_deg.min
-        ),
-    ];
+    let box_mm = solid.bounds().size();
+    let mut lines = vec![format!(
+        "surface    {:.4} × {:.4} × {:.4} mm, {volume_mm3:.5} mm³",
+        box_mm.x, box_mm.y, box_mm.z
+    )];
+    lines.extend(said.lines(seconds));
     lines.extend(outputs.iter().map(|path| format!("{:<10} {}", ending(path), path.display())));
     print(&(lines.join("\n") + "\n"))
+}
+
+/// How far the contact sets reach: as far as the contacts were made fine, else one surface size, mm.
+fn band(controls: &Controls) -> f64 {
+    controls.contact_depth_mm.unwrap_or(controls.surface_size_mm)
+}
+
+/// Makes the mesh of a session's hull again, and writes what was asked for beside its products.
+fn of_session(common: &Common, arguments: &Arguments) -> Result<()> {
+    let input = &arguments.input;
+    if arguments.unit != Unit::Mm || arguments.preset.is_some() {
+        return Err(usage(format!(
+            "{}: --unit and --preset go with a file (ending .stl, .ply, .inp or .msh); a session knows its scale",
+            input.display()
+        )));
+    }
+    let folder = super::session_folder(common, input)?;
+    let progress = Progress::new();
+    let outcome = daemon::reconstruct(&folder, arguments.mesh.settings().as_ref(), true, &progress.watcher());
+    progress.finish();
+    let done = outcome?;
+    for path in &arguments.out {
+        match done.result.products.get(&ending(path)) {
+            Some(made) if arguments.order == 1 => {
+                whole(path, &std::fs::read(made).with_context(|| format!("cannot read {made}"))?)?;
+            }
+            _ => convert(arguments, &done, path)?,
+        }
+    }
+    super::capture::report(common, &done)
+}
+
+/// Writes a session's mesh as a file that is not among its products.
+fn convert(arguments: &Arguments, done: &Finished, path: &Path) -> Result<()> {
+    let deck = &done.result.products["inp"];
+    let bytes = std::fs::read(deck).with_context(|| format!("cannot read {deck}"))?;
+    let mesh = inp_read::read(&bytes).with_context(|| deck.clone())?;
+    let controls = done.result.mesh.controls.unwrap_or_else(|| Controls::for_size(1.0));
+    let provenance = [
+        format!("made by grainrig {} from {deck}", env!("CARGO_PKG_VERSION")),
+        format!("sha256 of the input {}", sha256_hex(&bytes)),
+    ];
+    let sheet = mesh_sheet(
+        format!("Mesh of {}", arguments.input.display()),
+        &mesh.spread(),
+        &mesh.quality(),
+        Vec::new(),
+    );
+    let order = arguments.order();
+    Made { mesh: &mesh, order, band_mm: band(&controls), provenance: &provenance, sheet: &sheet }.write(path)
+}
+
+/// What is told of a mesh.
+struct Said<'a> {
+    result: &'a MeshResult,
+    distances: &'a Distances,
+    volume_mm3: f64,
+    made_mm3: f64,
+}
+
+impl Said<'_> {
+    fn lines(&self, seconds: f64) -> Vec<String> {
+        let (r, d) = (self.result, self.distances);
+        vec![
+            format!(
+                "mesh       {} nodes, {} triangles, {} tetrahedra, {:.5} mm³ ({:+.3} %) in {seconds:.2} s",
+                r.nodes,
+                r.triangles,
+                r.tetrahedra,
+                self.made_mm3,
+                100.0 * (self.made_mm3 / self.volume_mm3 - 1.0)
+            ),
+            format!(
+                "           dihedral angles {:.1}° to {:.1}° (1 %: {:.1}°), facet angles from {:.1}°",
+                r.dihedral_deg.min, r.dihedral_deg.max, r.dihedral_deg.p01, r.facet_angle_deg.min
+            ),
+            format!(
+                "           distance to the surface {:.2e} mm in the mean, {:.2e} at most; from it {:.2e} and {:.2e}",
+                d.to_body.mean_mm, d.to_body.max_mm, d.from_body.mean_mm, d.from_body.max_mm
+            ),
+            format!(
+                "           least altitude {:.2} of the median: explicit steps of {:.2e} s in quartz",
+                r.altitude_min_over_median,
+                r.time_step_quartz_s.unwrap_or(f64::NAN)
+            ),
+        ]
+    }
+
+    fn sheet(&self, mesh: &crate::mesh::TetMesh, title: &str) -> Sheet {
+        // The time it took is left out: the same input gives the same file.
+        let figures = self.lines(0.0).iter().map(|l| l.replace(" in 0.00 s", "").trim().to_owned()).collect();
+        mesh_sheet(title.to_owned(), &mesh.spread(), &mesh.quality(), figures)
+    }
 }
 
 /// The files to write: of a known kind, and not the one that is read.
 fn outputs(arguments: &Arguments) -> Result<Vec<PathBuf>> {
     let input = &arguments.input;
-    let asked = if arguments.out.is_empty() && ending(input) != "stl" {
-        Vec::new()
-    } else if arguments.out.is_empty() {
+    let asked = if !arguments.out.is_empty() {
+        arguments.out.clone()
+    } else if READ.contains(&ending(input).as_str()) {
         // Not `with_extension`: of `grain.v2.stl` the name is `grain.v2`.
         let mut name = input.file_stem().unwrap_or_default().to_owned();
         name.push(".inp");
         vec![PathBuf::from(name)]
     } else {
-        arguments.out.clone()
+        Vec::new()
     };
-    let read = input.canonicalize().ok();
-    for path in &asked {
-        if !["inp", "vtu", "stl"].contains(&ending(path).as_str()) {
-            return Err(usage(format!("{}: the ending must be .inp, .vtu or .stl", path.display())));
-        }
-        if read.is_some() && path.canonicalize().ok() == read {
-            return Err(usage(format!(
-                "{}: this is the file that is read; give --out another name",
-                path.display()
-            )));
-        }
-    }
+    asked.iter().try_for_each(|path| check_output(path, input))?;
     Ok(asked)
-}
-
-/// Writes a file, which appears whole or not at all.
-fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    let folder = path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    write_whole(folder, &name, bytes).map(|_| ()).with_context(|| format!("cannot write {}", path.display()))
-}
-
-/// The ending of a file's name, in small letters.
-fn ending(path: &Path) -> String {
-    path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase()
 }

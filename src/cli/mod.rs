@@ -9,6 +9,7 @@ mod import;
 mod local_rig;
 mod merge;
 mod mesh;
+mod mesh_files;
 mod output;
 mod progress;
 mod reconstruct;
@@ -232,9 +233,8 @@ fn is_usage(error: &anyhow::Error) -> bool {
                     matches!(e, ScaleError::Length { .. } | ScaleError::TooNear { .. })
                 }
                 Some(DaemonError::Contact(e)) => contact_usage(e),
-                Some(DaemonError::Mesh(e)) => mesh_usage(e),
                 Some(DaemonError::Session(e)) => session_usage(e),
-                Some(DaemonError::Pipeline(PipelineError::Mesh(e))) => mesh_usage(e),
+                Some(DaemonError::Mesh(e) | DaemonError::Pipeline(PipelineError::Mesh(e))) => mesh_usage(e),
                 _ => false,
             }
     })

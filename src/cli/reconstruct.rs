@@ -16,12 +16,15 @@ pub struct MeshOptions {
     /// Largest circumradius of a surface facet, mm; by default 0.034 of the grain's equivalent diameter.
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     surface_size_mm: Option<f64>,
-    /// Smallest angle of a surface facet, degrees, up to 30; by default 15.
+    /// Smallest angle of a surface facet, degrees, up to 30; by default 25.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     facet_angle_deg: Option<f64>,
     /// Largest volume of a tetrahedron, mm³; by default what fits the surface's size.
     #[arg(long, value_name = "MM3", allow_negative_numbers = true)]
     tet_volume_mm3: Option<f64>,
+    /// Largest distance between the mesh's surface and the body's, either way, mm; by default none is promised.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    distance_mm: Option<f64>,
     /// Largest circumradius of a surface facet where plates will touch the grain, at its top and bottom, mm.
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     size_at_contact_mm: Option<f64>,
@@ -37,6 +40,7 @@ impl MeshOptions {
             surface_size_mm: self.surface_size_mm,
             facet_angle_deg: self.facet_angle_deg,
             tet_volume_mm3: self.tet_volume_mm3,
+            distance_mm: self.distance_mm,
             size_at_contact_mm: self.size_at_contact_mm,
             contact_depth_mm: self.contact_depth_mm,
         };

@@ -129,6 +129,14 @@ impl Body {
         self.element_of.len()
     }
 
+    /// Memory that the body takes, bytes.
+    pub fn bytes(&self) -> usize {
+        let chunks =
+            self.chunks.iter().map(|c| 4 * c.nodes.len() + size_of_val(c.batches.as_slice())).sum::<usize>();
+        // Of a node: place, mass, volume, number, start of its places; of an element: number, stable step.
+        chunks + 4 * self.slots.len() + 48 * self.nodes() + 12 * self.elements()
+    }
+
     /// How many nodes.
     pub fn nodes(&self) -> usize {
         self.rest.len()
@@ -336,16 +344,18 @@ fn check_size(mesh: &TetMesh) -> Result<(), ContactError> {
     Err(ContactError::Size { size_mm, least, most, guess })
 }
 
+/// The number that stands for a node's piece.
+fn root(parent: &mut [u32], mut n: u32) -> u32 {
+    while parent[n as usize] != n {
+        parent[n as usize] = parent[parent[n as usize] as usize];
+        n = parent[n as usize];
+    }
+    n
+}
+
 /// Whether one piece holds all elements.
 fn check_pieces(mesh: &TetMesh) -> Result<(), ContactError> {
     let mut parent: Vec<u32> = (0..mesh.nodes.len() as u32).collect();
-    fn root(parent: &mut [u32], mut n: u32) -> u32 {
-        while parent[n as usize] != n {
-            parent[n as usize] = parent[parent[n as usize] as usize];
-            n = parent[n as usize];
-        }
-        n
-    }
     for t in &mesh.tets {
         let r = root(&mut parent, t[0]);
         for &n in &t[1..] {

@@ -352,6 +352,14 @@ impl Dynamics {
         Energy { stored, ..self.spent }
     }
 
+    /// Memory that the state takes, bytes.
+    pub fn bytes(&self) -> usize {
+        let of = |c: &ChunkState| size_of_val(c.volume_ratio.as_slice()) + size_of_val(c.memory.as_slice());
+        let chunks = self.chunks.iter().map(of).sum::<usize>();
+        // Of a node: place, velocity, force, pressure.
+        chunks + 24 * self.slots.len() + 8 * self.volumes.len() + 80 * self.places.len()
+    }
+
     /// Stresses and plastic strains of the elements now.
     pub fn fields(&self, body: &Body) -> Fields {
         super::fields::fields(body, self)

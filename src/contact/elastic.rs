@@ -1,7 +1,7 @@
 //! The elastic element: Hooke's law where strains are small, a compressible neo-Hookean solid where they are not.
 //!
-//! The energy per volume is μ/2 (tr FᵀF − 3) − μ ln J + λ/2 (ln J)² (Simo and Pister, Comput. Meth. Appl. Mech. Engng 46, 201,
-//! 1984), the stress (first Piola–Kirchhoff) P = μ (F − F⁻ᵀ) + λ ln J F⁻ᵀ. Being total it neither drifts nor remembers a path;
+//! The energy per volume is `μ/2 (tr FᵀF − 3) − μ ln J + λ/2 (ln J)²` (Simo and Pister, Comput. Meth. Appl. Mech. Engng 46, 201,
+//! 1984), the stress (first Piola–Kirchhoff) `P = μ (F − F⁻ᵀ) + λ ln J F⁻ᵀ`. Being total it neither drifts nor remembers a path;
 //! a rotation leaves it without stress, whatever its size; no volume can be pressed to nothing. Unlike the law of St. Venant
 //! and Kirchhoff it does not soften in compression, which matters under a contact, where the strain reaches a fifth: in one
 //! direction it answers between a nominal stress in proportion to the stretch and Hencky's law.

@@ -51,7 +51,7 @@ pub fn two_plate_force_n(material: &Material, radius_mm: f64, approach_mm: f64) 
 }
 
 /// The force at which a sphere of this yield stress first yields, below its surface (Johnson, Contact Mechanics, §6.1):
-/// F_y = π³R²(1.6 Y)³/(6E*²), N.
+/// `F_y = π³R²(1.6 Y)³/(6E*²)`, N.
 pub fn yield_force_n(material: &Material, radius_mm: f64, yield_mpa: f64) -> f64 {
     let e = material.contact_modulus_mpa();
     PI.powi(3) * radius_mm.powi(2) * (1.6 * yield_mpa).powi(3) / (6.0 * e * e)

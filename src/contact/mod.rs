@@ -7,6 +7,10 @@
 //! - [`limit`]: the largest time step that central differences bear.
 //! - [`Dynamics`]: the step itself, with plates, friction and damping, and every term of the energy balance.
 
+// The kernels of lanes.rs, elastic.rs and plastic.rs must be one straight piece of code for the compiler to work on several
+// elements at once, and their loops run over the same place of several arrays.
+#![allow(clippy::inline_always, clippy::needless_range_loop)]
+
 mod body;
 mod dynamics;
 mod elastic;

@@ -33,7 +33,7 @@ pub struct Loading {
     /// Between them the plates go as fast as a grain moving at their speed would have this share of the work done so far.
     /// What moves in the grain is slower, most of it much, so that the true share is a small part of this one.
     pub motion_share: f64,
-    /// Mass-proportional damping α over c_s/H, the shear wave's crossings of the grain's height in a second.
+    /// Mass-proportional damping α over `c_s/H`, the shear wave's crossings of the grain's height in a second.
     pub damping: f64,
     /// Mass that may be added to the smallest elements, over the grain's.
     pub mass_scaling: f64,

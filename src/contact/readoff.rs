@@ -18,7 +18,7 @@ impl From<&Sample> for CurvePoint {
     }
 }
 
-/// The approach δ_i at which the force passes `force_n` for the last time on its way up, mm: Nadimi and Fonseca (2017) read
+/// The approach `δ_i` at which the force passes `force_n` for the last time on its way up, mm: Nadimi and Fonseca (2017) read
 /// the transition to a Hertzian response at 2 N. None where the force never gets there, or starts above.
 pub fn transition_mm(curve: &[CurvePoint], force_n: f64) -> Option<f64> {
     let pair = curve.windows(2).rfind(|w| w[0].force_n < force_n && w[1].force_n >= force_n)?;
@@ -41,7 +41,7 @@ pub struct HertzFit {
     pub points: usize,
 }
 
-/// Fits Hertz' law to the points from δ_i on: F^(2/3) is a straight line in δ. `height_mm` is the grain's between the plates.
+/// Fits Hertz' law to the points from `δ_i` on: F^(2/3) is a straight line in δ. `height_mm` is the grain's between the plates.
 /// None with fewer than five points, or where the force does not rise.
 pub fn fit_hertz(
     curve: &[CurvePoint],

@@ -14,6 +14,14 @@ pub enum ExportError {
         /// What is wrong, with value and limit.
         what: String,
     },
+    /// The bytes are not a file of a format, or hold nothing that is read.
+    #[error("this is not a usable {format} file: {what}; export it again from where it comes from")]
+    Read {
+        /// The format.
+        format: &'static str,
+        /// What is wrong, with the line or the place.
+        what: String,
+    },
     /// The bytes are not an STL file.
     #[error("this is not a usable STL file: {0}; export it again from where it comes from")]
     Stl(String),

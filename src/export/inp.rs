@@ -5,30 +5,55 @@
 //!
 //! | name | what |
 //! | --- | --- |
-//! | `GRAIN` | element set: all elements (C3D4) |
+//! | `GRAIN` | element set: all elements (C3D4 or C3D10) |
 //! | `GRAIN_NODES` | node set: all nodes |
 //! | `GRAIN_SURFACE_NODES` | node set: nodes on the surface |
 //! | `GRAIN_SURFACE` | surface: all outer faces |
 //! | `TOP`, `BOTTOM` | node sets: surface nodes within one band of the highest, of the lowest node |
-//! | `TOP_SURFACE`, `BOTTOM_SURFACE` | surfaces: outer faces with at least one node in the set |
+//! | `TOP_SURFACE`, `BOTTOM_SURFACE` | surfaces: outer faces with at least one corner in the set |
+//! | `TOP_ELEMENTS`, `BOTTOM_ELEMENTS` | element sets: the elements of these faces |
 
 use super::ExportError;
-use crate::mesh::{Surface, TetMesh};
+use crate::mesh::{SecondOrder, Surface, TetMesh};
 use std::fmt::Display;
 use std::io::Write;
 
 /// The longest line, in characters: Abaqus takes 256, `CalculiX` 132, older pre-processors 80.
 const LINE: usize = 80;
 
-/// Writes a grain's part of a deck. `provenance` lines (where the mesh comes from) become comments, cut into lines;
-/// characters outside ASCII become `?`. `band_mm` is how far from the highest and lowest node the sets `TOP` and
-/// `BOTTOM` reach, usually one surface size.
+/// Nodes of an element.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Order {
+    /// Four: C3D4.
+    #[default]
+    First,
+    /// Ten, edges straight: C3D10.
+    Second,
+}
+
+/// Writes a grain's part of a deck in four-node elements. `provenance` lines (where the mesh comes from) become
+/// comments, cut into lines; characters outside ASCII become `?`. `band_mm` is how far from the highest and lowest node
+/// the sets `TOP` and `BOTTOM` reach, usually one surface size.
 ///
 /// # Errors
 /// [`ExportError::Io`]; [`ExportError::Unfit`] for a mesh without elements, a coordinate or band that is not finite,
 /// or a band that is negative.
 pub fn write(
     mesh: &TetMesh,
+    provenance: &[String],
+    band_mm: f64,
+    out: impl Write,
+) -> Result<(), ExportError> {
+    write_order(mesh, Order::First, provenance, band_mm, out)
+}
+
+/// The same in elements of either order.
+///
+/// # Errors
+/// As [`write`].
+pub fn write_order(
+    mesh: &TetMesh,
+    order: Order,
     provenance: &[String],
     band_mm: f64,
     mut out: impl Write,
@@ -43,47 +68,93 @@ pub fn write(
     if let Some(i) = mesh.nodes.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
         return unfit(format!("node {} is at {:?}, not finite", i + 1, mesh.nodes[i]));
     }
+    let second = (order == Order::Second).then(|| mesh.second_order());
+    let nodes = second.as_ref().map_or(&mesh.nodes, |s| &s.nodes);
     let surface = mesh.surface();
     writeln!(out, "*HEADING")?;
-    writeln!(
-        out,
-        "A grain, {} nodes, {} elements; units mm, N, MPa, tonne, s",
-        mesh.nodes.len(),
-        mesh.tets.len()
-    )?;
+    let (n, e) = (nodes.len(), mesh.tets.len());
+    writeln!(out, "A grain, {n} nodes, {e} elements; units mm, N, MPa, tonne, s")?;
     for line in provenance {
         comment(&mut out, line)?;
     }
     writeln!(out, "*NODE, NSET=GRAIN_NODES")?;
-    for (i, p) in mesh.nodes.iter().enumerate() {
+    for (i, p) in nodes.iter().enumerate() {
         writeln!(out, "{}, {:.9e}, {:.9e}, {:.9e}", i + 1, p.x, p.y, p.z)?;
     }
-    writeln!(out, "*ELEMENT, TYPE=C3D4, ELSET=GRAIN")?;
-    for (i, t) in mesh.tets.iter().enumerate() {
-        let [a, b, c, d] = t.map(|n| n + 1);
-        writeln!(out, "{}, {a}, {b}, {c}, {d}", i + 1)?;
+    if let Some(second) = &second {
+        writeln!(out, "*ELEMENT, TYPE=C3D10, ELSET=GRAIN")?;
+        for (i, t) in second.tets.iter().enumerate() {
+            // A data line that ends with a comma goes on in the next.
+            let all = t.map(|n| (n + 1).to_string());
+            writeln!(out, "{}, {},\n{}", i + 1, all[..5].join(", "), all[5..].join(", "))?;
+        }
+    } else {
+        writeln!(out, "*ELEMENT, TYPE=C3D4, ELSET=GRAIN")?;
+        for (i, t) in mesh.tets.iter().enumerate() {
+            let [a, b, c, d] = t.map(|n| n + 1);
+            writeln!(out, "{}, {a}, {b}, {c}, {d}", i + 1)?;
+        }
     }
-    node_set(&mut out, "GRAIN_SURFACE_NODES", surface.nodes.iter().copied())?;
+    let middles = Middles { second: second.as_ref(), surface: &surface };
+    node_set(&mut out, "GRAIN_SURFACE_NODES", middles.with(surface.nodes.clone()).into_iter())?;
     faces(&mut out, "GRAIN_SURFACE", surface.faces.iter().copied())?;
     let heights = surface.nodes.iter().map(|&n| mesh.nodes[n as usize].z);
     let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), z| (l.min(z), h.max(z)));
-    band(&mut out, &surface, "TOP", |n| mesh.nodes[n as usize].z >= high - band_mm)?;
-    band(&mut out, &surface, "BOTTOM", |n| mesh.nodes[n as usize].z <= low + band_mm)?;
+    band(&mut out, &middles, "TOP", |n| mesh.nodes[n as usize].z >= high - band_mm)?;
+    band(&mut out, &middles, "BOTTOM", |n| mesh.nodes[n as usize].z <= low + band_mm)?;
     Ok(out.flush()?)
 }
 
-/// A node set of the surface nodes that are `within`, and the surface of their faces.
+/// Which nodes lie in the middles of the surface's edges.
+struct Middles<'a> {
+    second: Option<&'a SecondOrder>,
+    surface: &'a Surface,
+}
+
+impl Middles<'_> {
+    /// Corners of the surface, rising, and the middles of its edges between two of them.
+    fn with(&self, mut nodes: Vec<u32>) -> Vec<u32> {
+        let Some(second) = self.second else { return nodes };
+        let chosen = |n: u32| nodes.binary_search(&n).is_ok();
+        let mut ends: Vec<[u32; 2]> = self
+            .surface
+            .triangles
+            .triangles
+            .iter()
+            .map(|t| t.map(|v| self.surface.nodes[v as usize]))
+            .flat_map(|[a, b, c]| [[a, b], [b, c], [c, a]])
+            .map(|[a, b]| [a.min(b), a.max(b)])
+            .filter(|[a, b]| chosen(*a) && chosen(*b))
+            .collect();
+        ends.sort_unstable();
+        ends.dedup();
+        let number = |e: &[u32; 2]| second.edges.binary_search(e).map(|i| (second.corners + i) as u32);
+        nodes.extend(ends.iter().filter_map(|e| number(e).ok()));
+        nodes
+    }
+}
+
+/// A node set of the surface nodes that are `within`, the surface of their faces, and the set of its elements.
 fn band(
     out: &mut impl Write,
-    surface: &Surface,
+    middles: &Middles,
     name: &str,
     within: impl Fn(u32) -> bool,
 ) -> std::io::Result<()> {
-    node_set(out, name, surface.nodes.iter().copied().filter(|&n| within(n)))?;
+    let surface = middles.surface;
+    let nodes: Vec<u32> = surface.nodes.iter().copied().filter(|&n| within(n)).collect();
+    node_set(out, name, middles.with(nodes).into_iter())?;
     let triangles = surface.triangles.triangles.iter();
-    let near =
-        triangles.zip(&surface.faces).filter(|(t, _)| t.iter().any(|&v| within(surface.nodes[v as usize])));
-    faces(out, &format!("{name}_SURFACE"), near.map(|(_, f)| *f))
+    let near: Vec<(u32, u8)> = triangles
+        .zip(&surface.faces)
+        .filter(|(t, _)| t.iter().any(|&v| within(surface.nodes[v as usize])))
+        .map(|(_, f)| *f)
+        .collect();
+    faces(out, &format!("{name}_SURFACE"), near.iter().copied())?;
+    let mut elements: Vec<u32> = near.iter().map(|(t, _)| t + 1).collect();
+    elements.dedup();
+    writeln!(out, "*ELSET, ELSET={name}_ELEMENTS")?;
+    list(out, elements.into_iter())
 }
 
 fn node_set(out: &mut impl Write, name: &str, nodes: impl Iterator<Item = u32>) -> std::io::Result<()> {
@@ -176,6 +247,8 @@ A grain, 5 nodes, 2 elements; units mm, N, MPa, tonne, s
 2, S2
 2, S3
 2, S4
+*ELSET, ELSET=TOP_ELEMENTS
+1, 2
 *NSET, NSET=BOTTOM
 1, 2, 3
 *SURFACE, TYPE=ELEMENT, NAME=BOTTOM_SURFACE
@@ -185,6 +258,8 @@ A grain, 5 nodes, 2 elements; units mm, N, MPa, tonne, s
 2, S2
 2, S3
 2, S4
+*ELSET, ELSET=BOTTOM_ELEMENTS
+1, 2
 ";
         assert_eq!(text(&["made by hand".to_owned()], 0.1), expected);
     }

@@ -1,9 +1,13 @@
-//! Files for other programs: Abaqus and `CalculiX` decks, VTK, STL.
+//! Files for other programs: Abaqus and `CalculiX` decks, VTK, Gmsh, STL, PLY, glTF; and some of them read back.
 //!
 //! The writers know no paths: each writes to anything that takes bytes, and the same input gives the same bytes.
 
 mod error;
+pub mod glb;
 pub mod inp;
+pub mod inp_read;
+pub mod msh;
+pub mod ply;
 pub mod press_deck;
 pub mod pvd;
 pub mod stl;

@@ -15,12 +15,22 @@ const TRIANGLE: usize = 50;
 /// # Errors
 /// [`ExportError::Io`], and [`ExportError::Unfit`] for a coordinate beyond single precision or too many triangles
 /// for the format's count.
-pub fn write(mesh: &TriangleMesh, mut out: impl Write) -> Result<(), ExportError> {
+pub fn write(mesh: &TriangleMesh, out: impl Write) -> Result<(), ExportError> {
+    write_from(mesh, "", out)
+}
+
+/// The same with as much of `source` (where the surface comes from; what is not ASCII becomes `?`) as the header holds.
+///
+/// # Errors
+/// As [`write`].
+pub fn write_from(mesh: &TriangleMesh, source: &str, mut out: impl Write) -> Result<(), ExportError> {
     let count = u32::try_from(mesh.triangles.len())
         .map_err(|_| unfit(format!("{} triangles, more than 4294967295", mesh.triangles.len())))?;
     let mut header = [b' '; 80];
     let title = b"grainrig binary STL, unit mm";
-    header[..title.len()].copy_from_slice(title);
+    let said = source.chars().map(|c| if c == ' ' || c.is_ascii_graphic() { c as u8 } else { b'?' });
+    let said = title.iter().copied().chain((!source.is_empty()).then_some(b' ')).chain(said);
+    header.iter_mut().zip(said).for_each(|(slot, c)| *slot = c);
     let mut bytes = Vec::with_capacity(HEADER + TRIANGLE * mesh.triangles.len());
     bytes.extend(header);
     bytes.extend(count.to_le_bytes());
@@ -56,11 +66,11 @@ fn unfit(what: String) -> ExportError {
 /// parse, no triangle, a coordinate that is not finite, or a triangle of no extent.
 pub fn read(bytes: &[u8]) -> Result<TriangleMesh, ExportError> {
     let bad = |what: String| Err(ExportError::Stl(what));
-    if let Some(announced) = announced_triangles(bytes) {
+    if let Some(count) = announced(bytes) {
         let present = (bytes.len() - HEADER) / TRIANGLE;
-        if announced > present {
+        if count > present {
             return bad(format!(
-                "its header announces {announced} triangles, but its {} bytes hold {present}: it is cut short",
+                "its header announces {count} triangles, but its {} bytes hold {present}: it is cut short",
                 bytes.len()
             ));
         }
@@ -96,8 +106,8 @@ pub fn read(bytes: &[u8]) -> Result<TriangleMesh, ExportError> {
     Ok(mesh)
 }
 
-/// The triangle count of a binary file; `None` for text.
-fn announced_triangles(bytes: &[u8]) -> Option<usize> {
+/// The number of triangles that a binary file's header announces; `None` for text.
+pub fn announced(bytes: &[u8]) -> Option<usize> {
     // Some programs write binary files that begin with `solid` too: those have exactly the announced length.
     let count = bytes.get(80..HEADER)?;
     let count = u32::from_le_bytes([count[0], count[1], count[2], count[3]]) as usize;

@@ -1,12 +1,15 @@
 //! VTK's XML unstructured grid (`.vtu`): the tetrahedra and figures on their nodes and cells, for `ParaView`.
 
 use super::ExportError;
-use crate::mesh::TetMesh;
+use crate::geometry::Point;
+use crate::mesh::{SecondOrder, TetMesh};
 use base64::{Engine as _, engine::general_purpose::STANDARD as BASE64};
 use std::io::Write;
 
 /// VTK's number for a tetrahedron of four nodes, which numbers them as [`TetMesh`] does.
 const VTK_TETRA: u8 = 10;
+/// The same for one of ten nodes, which it numbers as [`SecondOrder`] does.
+const VTK_QUADRATIC_TETRA: u8 = 24;
 /// Bytes of the length before an array's own (`header_type` of `UInt64`).
 const LENGTH: usize = 8;
 
@@ -30,9 +33,35 @@ pub fn write(
     mesh: &TetMesh,
     on_nodes: &[Column],
     on_cells: &[Column],
+    out: impl Write,
+) -> Result<(), ExportError> {
+    grid((&mesh.nodes, &mesh.tets, VTK_TETRA), &[], on_nodes, on_cells, out)
+}
+
+/// Writes a mesh alone, with lines that say where it comes from as a comment.
+///
+/// # Errors
+/// [`ExportError::Io`].
+pub fn write_plain(mesh: &TetMesh, provenance: &[String], out: impl Write) -> Result<(), ExportError> {
+    grid((&mesh.nodes, &mesh.tets, VTK_TETRA), provenance, &[], &[], out)
+}
+
+/// The same in ten-node tetrahedra.
+///
+/// # Errors
+/// [`ExportError::Io`].
+pub fn write_second(mesh: &SecondOrder, provenance: &[String], out: impl Write) -> Result<(), ExportError> {
+    grid((&mesh.nodes, &mesh.tets, VTK_QUADRATIC_TETRA), provenance, &[], &[], out)
+}
+
+fn grid<const N: usize>(
+    (places, elements, kind): (&[Point], &[[u32; N]], u8),
+    provenance: &[String],
+    on_nodes: &[Column],
+    on_cells: &[Column],
     mut out: impl Write,
 ) -> Result<(), ExportError> {
-    let (nodes, cells) = (mesh.nodes.len(), mesh.tets.len());
+    let (nodes, cells) = (places.len(), elements.len());
     for (columns, count, what) in [(on_nodes, nodes, "nodes"), (on_cells, cells, "cells")] {
         for c in columns {
             if c.components == 0 || c.values.len() != c.components * count {
@@ -47,6 +76,14 @@ pub fn write(
         }
     }
     writeln!(out, "<?xml version=\"1.0\"?>")?;
+    for line in provenance {
+        // Two hyphens would end a comment.
+        writeln!(
+            out,
+            "<!-- {} -->",
+            line.replace("--", "- -").replace(['\n', '\r'], " ").trim_end_matches('-')
+        )?;
+    }
     writeln!(
         out,
         "<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">"
@@ -54,13 +91,13 @@ pub fn write(
     writeln!(out, "<UnstructuredGrid>")?;
     writeln!(out, "<Piece NumberOfPoints=\"{nodes}\" NumberOfCells=\"{cells}\">")?;
     writeln!(out, "<Points>")?;
-    let places = mesh.nodes.iter().flat_map(|p| [p.x, p.y, p.z]).flat_map(f64::to_le_bytes);
+    let places = places.iter().flat_map(|p| [p.x, p.y, p.z]).flat_map(f64::to_le_bytes);
     array(&mut out, "Float64", "Points", 3, places)?;
     writeln!(out, "</Points>\n<Cells>")?;
-    let connectivity = mesh.tets.iter().flatten().flat_map(|n| i64::from(*n).to_le_bytes());
+    let connectivity = elements.iter().flatten().flat_map(|n| i64::from(*n).to_le_bytes());
     array(&mut out, "Int64", "connectivity", 1, connectivity)?;
-    array(&mut out, "Int64", "offsets", 1, (1..=cells as i64).flat_map(|i| (4 * i).to_le_bytes()))?;
-    array(&mut out, "UInt8", "types", 1, std::iter::repeat_n(VTK_TETRA, cells))?;
+    array(&mut out, "Int64", "offsets", 1, (1..=cells as i64).flat_map(|i| (N as i64 * i).to_le_bytes()))?;
+    array(&mut out, "UInt8", "types", 1, std::iter::repeat_n(kind, cells))?;
     writeln!(out, "</Cells>")?;
     for (tag, columns) in [("PointData", on_nodes), ("CellData", on_cells)] {
         writeln!(out, "<{tag}>")?;

@@ -239,6 +239,7 @@ impl Points {
 
 #[cfg(test)]
 mod tests {
+    use super::super::faces::boundary_triangles;
     use super::super::sizes::{Contacts, Sizes};
     use super::super::tetmesh::TetMesh;
     use super::super::{Controls, score};
@@ -282,10 +283,8 @@ mod tests {
             assert!(volume > 0.0 && sine > 0.7, "{t}: {volume} {sine}");
         }
         // Faces with one tetrahedron lie at the grid's outer boundary: outside the ball.
-        for (t, f) in super::super::tetmesh::boundary(&mesh.tets) {
-            for n in super::super::tetmesh::face_nodes(&mesh.tets, t, f) {
-                assert!(ball.value(&mesh.nodes[n as usize]) > 0.0);
-            }
+        for n in boundary_triangles(&mesh.tets, mesh.nodes.len(), |_| true).concat() {
+            assert!(ball.value(&mesh.nodes[n as usize]) > 0.0);
         }
     }
 }

@@ -22,6 +22,9 @@ pub struct Controls {
     pub facet_angle_deg: f64,
     /// Largest volume of a tetrahedron, mm³.
     pub tet_volume_mm3: f64,
+    /// Largest distance between the mesh's surface and the body's, either way, mm; `None`: not promised.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distance_mm: Option<f64>,
     /// Largest circumradius of a surface facet where plates will touch the body, at its lowest and highest places in z,
     /// mm; from there the elements grow into the body. `None`: as everywhere.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -31,10 +34,16 @@ pub struct Controls {
     pub contact_depth_mm: Option<f64>,
 }
 
+/// A figure as people read it.
+fn figure(x: f64) -> String {
+    if (0.01..1e4).contains(&x.abs()) { format!("{x:.4}") } else { format!("{x:.3e}") }
+}
+
 /// A control that the mesh does not keep.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error(
-    "{name} = {promised:.4} {unit} could not be kept: the best mesh has {reached:.4} {unit} ({what}); {remedy}"
+    "{name} = {} {unit} could not be kept: the last mesh tried has {} {unit} ({what}); {remedy}",
+    figure(*promised), figure(*reached)
 )]
 pub struct Broken {
     /// The control.
@@ -57,6 +66,8 @@ impl Broken {
         match self.name {
             "facet_angle_deg" => finer.iter_mut().for_each(|f| *f *= 0.97),
             "tet_volume_mm3" => finer[2] *= 0.98 * (self.promised / self.reached).cbrt(),
+            // Between flat pieces the distance falls with the size, on curved ones with its square.
+            "distance_mm" => finer[0] *= 0.95 * (self.promised / self.reached).powf(0.7),
             "size_at_contact_mm" => finer[1] *= 0.98 * self.promised / self.reached,
             _ => finer[0] *= 0.98 * self.promised / self.reached,
         }
@@ -70,8 +81,9 @@ impl Controls {
         let spacing = 0.0493 * diameter_mm;
         Self {
             surface_size_mm: spacing / SPACING_PER_SIZE,
-            facet_angle_deg: 15.0,
+            facet_angle_deg: 25.0,
             tet_volume_mm3: spacing.powi(3) / CUBES_PER_TET,
+            distance_mm: None,
             size_at_contact_mm: None,
             contact_depth_mm: None,
         }
@@ -94,8 +106,12 @@ impl Controls {
             return bad("tet_volume_mm3", self.tet_volume_mm3, "mm³", "positive and finite", remedy);
         }
         if !positive(self.facet_angle_deg) || self.facet_angle_deg > MOST_FACET_ANGLE_DEG {
-            let remedy = "15° is reached on most grains";
+            let remedy = "25° is reached on most grains";
             return bad("facet_angle_deg", self.facet_angle_deg, "°", "above 0° and at most 30°", remedy);
+        }
+        if let Some(distance) = self.distance_mm.filter(|d| !positive(*d)) {
+            let remedy = "a tenth of surface_size_mm is usual";
+            return bad("distance_mm", distance, "mm", "positive and finite", remedy);
         }
         if let Some(size) = self.size_at_contact_mm
             && (!positive(size) || size > self.surface_size_mm)
@@ -116,6 +132,19 @@ impl Controls {
             );
         }
         Ok(())
+    }
+
+    /// The promised distance, where the largest distance breaks it.
+    pub(super) fn too_far(&self, reached: f64) -> Option<Broken> {
+        let promised = self.distance_mm.filter(|promised| reached > *promised)?;
+        Some(Broken {
+            name: "distance_mm",
+            promised,
+            reached,
+            unit: "mm",
+            what: "largest distance between the mesh's surface and the body's",
+            remedy: "set it larger, or surface_size_mm smaller",
+        })
     }
 
     /// The first control that a mesh of this quality breaks, whose largest facet at the contacts has this circumradius.
@@ -177,7 +206,7 @@ mod tests {
             assert!(Controls { facet_angle_deg: bad, ..good }.check().is_err());
         }
         let e = Controls { facet_angle_deg: 31.0, ..good }.check().unwrap_err().to_string();
-        assert!(e.contains("31 °") && e.contains("at most 30°") && e.contains("15°"), "{e}");
+        assert!(e.contains("31 °") && e.contains("at most 30°") && e.contains("25°"), "{e}");
     }
 
     #[test]

@@ -89,6 +89,11 @@ impl Field {
         self.cuts.len()
     }
 
+    /// Where the cuts are: places on the body's surface.
+    pub(super) fn places(&self) -> Vec<Point> {
+        self.cuts.iter().map(|c| self.on_edge(*c, c.t)).collect()
+    }
+
     /// The number of the cut between an inside and an outside point.
     pub(super) fn cut(&self, inside: u32, outside: u32) -> u32 {
         let range = self.start[inside as usize]..self.start[inside as usize + 1];

@@ -66,6 +66,52 @@ pub enum MeshError {
         "the mesher made a bad mesh ({0}); move the body a little or change surface_size_mm, and report it"
     )]
     Fault(#[from] TetFault),
+    /// There are not as many voxels as the volume's size says.
+    #[error(
+        "{count} voxels do not make a volume of {} × {} × {}; give as many as their product, at least one",
+        size[0], size[1], size[2]
+    )]
+    Voxels {
+        /// Voxels along x, y and z.
+        size: [usize; 3],
+        /// How many were given.
+        count: usize,
+    },
+    /// The surface has more triangles than are worked on.
+    #[error(
+        "the surface has {count} triangles, more than {limit}; a mesh of a grain is decided by far fewer: decimate it to \
+         some hundred thousand first"
+    )]
+    Triangles {
+        /// How many there are.
+        count: usize,
+        /// How many there may be.
+        limit: usize,
+    },
+    /// The surface encloses nothing.
+    #[error(
+        "the surface encloses {volume_mm3:.3e} mm³ under an area of {area_mm2:.3e} mm²: it is a sheet without thickness; \
+         give the body a thickness"
+    )]
+    Flat {
+        /// The volume, mm³.
+        volume_mm3: f64,
+        /// The area, mm².
+        area_mm2: f64,
+    },
+    /// The surface cuts itself.
+    #[error(
+        "triangles {first} and {second} of the surface cut one another near {place:.6?} mm: it has no clear inside; repair it \
+         (union, or `self-intersections` in a mesh program) first"
+    )]
+    Crossing {
+        /// A triangle, from 0.
+        first: usize,
+        /// One that it cuts.
+        second: usize,
+        /// A corner of the first, mm.
+        place: Point,
+    },
     /// The surface that should bound a solid does not.
     #[error(
         "the surface does not bound a solid: {0}; close it (fill holes, join vertices) and turn its \

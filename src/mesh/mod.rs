@@ -8,27 +8,37 @@
 
 mod background;
 mod controls;
+mod crossing;
 mod cut;
+mod distance;
 mod error;
+mod faces;
 mod octree;
 mod optimise;
 mod pieces;
 mod quality;
 mod repair;
 mod score;
+mod second;
 mod sizes;
 mod solid;
+mod spread;
 mod star;
 mod stencil;
 mod tetmesh;
+mod voxels;
 
 pub use controls::Controls;
+pub use distance::{Distance, Distances};
 pub use error::MeshError;
 pub use quality::{Dihedral, Quality};
-pub use solid::Solid;
+pub use second::{MIDDLES, SecondOrder};
+pub use solid::{MOST_TRIANGLES, Solid};
+pub use spread::{Histogram, Spread};
 pub use tetmesh::{FACES, Surface, TetFault, TetMesh};
+pub use voxels::Voxels;
 
-use crate::geometry::ImplicitBody;
+use crate::geometry::{ImplicitBody, Point};
 use background::Background;
 use octree::Octree;
 use sizes::{Contacts, Sizes};
@@ -36,16 +46,16 @@ use star::Targets;
 
 /// Attempts with a finer or shifted lattice before a promise is given up.
 const ATTEMPTS: usize = 5;
-/// A least dihedral angle below this is worth another attempt, degrees: almost every lattice gives twice as
-/// much, and one bad tetrahedron costs an explicit simulation its time step.
-const POOR_DIHEDRAL_DEG: f64 = 12.0;
+/// A least dihedral angle below this is worth another attempt, degrees: almost every lattice gives 25°, and one bad
+/// tetrahedron costs an explicit simulation its time step.
+const POOR_DIHEDRAL_DEG: f64 = 18.0;
 
 /// Fills a body with tetrahedra.
 ///
 /// Costs about 24 body values for each surface node and one for each lattice point near the surface (everywhere in the
 /// body's box where its [`steepness`](ImplicitBody::steepness) is not known), all in parallel; the same body and controls give the same bytes on any number of threads. Of a body in several
 /// pieces the largest is kept; [`TetMesh::dropped_pieces`] says how many were not. A mesh that keeps the
-/// controls with a dihedral angle below 12° is tried again on a shifted lattice, and the best is returned.
+/// controls with a dihedral angle below 18° is tried again on a shifted lattice, and the best is returned.
 /// `progress` is called with the part done, from 0 to 1, never falling.
 ///
 /// # Errors
@@ -64,14 +74,20 @@ pub fn mesh(
     for attempt in 0..ATTEMPTS {
         let sizes = Sizes::new(controls, contacts, finer);
         let mut told = |part: f64| progress((attempt as f64 + part) / ATTEMPTS as f64);
-        let mesh = match on_lattice(body, controls, &sizes, contacts, attempt, &mut told) {
+        let (mesh, places) = match on_lattice(body, controls, &sizes, contacts, attempt, &mut told) {
             Ok(mesh) => mesh,
             // What an earlier attempt made is good enough.
             Err(_) if poor.is_some() => break,
+            // What the promise would take is beyond memory: the promise is what is told.
+            Err(MeshError::TooMany { .. }) if last.is_some() => break,
             Err(e) => return Err(e),
         };
         let quality = mesh.quality();
-        if let Some(broken) = controls.broken_by(&quality, contacts.map(|c| c.largest_facet_mm(&mesh))) {
+        let mut broken = controls.broken_by(&quality, contacts.map(|c| c.largest_facet_mm(&mesh)));
+        if broken.is_none() && controls.distance_mm.is_some() {
+            broken = controls.too_far(Distances::measure(body, &mesh, &places)?.max_mm());
+        }
+        if let Some(broken) = broken {
             broken.refine(&mut finer);
             last = Some(broken);
             continue;
@@ -92,7 +108,7 @@ pub fn mesh(
     Err(last.map_or(MeshError::Empty { spacing_mm: controls.surface_size_mm }, MeshError::Promise))
 }
 
-/// One attempt: a checked mesh, which may break the controls.
+/// One attempt: a checked mesh, which may break the controls, and places on the body's surface.
 fn on_lattice(
     body: &dyn ImplicitBody,
     controls: &Controls,
@@ -100,20 +116,21 @@ fn on_lattice(
     contacts: Option<Contacts>,
     attempt: usize,
     progress: &mut dyn FnMut(f64),
-) -> Result<TetMesh, MeshError> {
+) -> Result<(TetMesh, Vec<Point>), MeshError> {
     progress(0.0);
     let tree = Octree::over(body, sizes, attempt)?;
     progress(0.1);
     let field = cut::Field::new(body, Background::new(body, &tree)?)?;
     progress(0.3);
-    let (filled, mut spacings) = repair::fill(body, &field);
-    if filled.tets.is_empty() {
+    let filled = repair::fill(body, &field);
+    if filled.mesh.tets.is_empty() {
         // The few points inside were all warped onto the surface.
         return Err(MeshError::Empty { spacing_mm: sizes.surface_mm });
     }
     progress(0.5);
-    let mut mesh = pieces::largest(filled, &mut spacings);
-    optimise::improve(body, &Targets::new(controls, contacts), &spacings, &mut mesh);
+    let mut filled = pieces::largest(filled);
+    optimise::improve(body, &Targets::new(controls, contacts), &mut filled);
+    let mesh = filled.mesh;
     mesh.check()?;
-    Ok(mesh)
+    Ok((mesh, field.places()))
 }

@@ -4,22 +4,29 @@
 //! of its facets (least sine of an angle), each over its target; a broken promise makes it negative, so
 //! that it comes before every wish. A move is accepted only if the score rises, so no part of the mesh
 //! ever gets worse than it was (Freitag and Ollivier-Gooch, Int. J. Numer. Meth. Engng 40, 1997). Surface
-//! nodes move along the surface and are put back onto it. Nodes are coloured so that two of one colour
+//! nodes move along the surface and are put back onto it. Only nodes at the surface and their neighbours move: the
+//! lattice inside is as good as it can be. After a first pass over all of these only those below their target are
+//! asked again, and what has moved near them. Nodes are coloured so that two of one colour
 //! share no tetrahedron: a colour moves at once, in parallel, with the same result on any number of
 //! threads.
 
-use super::TetMesh;
+use super::faces::Around;
+use super::repair::Filled;
 use super::star::{Star, Targets};
-use super::tetmesh::{boundary, face_nodes};
 use crate::geometry::{ImplicitBody, Point, Vector};
 use nalgebra::Rotation3;
 use rayon::prelude::*;
 
-/// Passes over all nodes, then over those that are below their target.
-const PASSES: [usize; 2] = [3, 20];
-/// Score from which a node is left alone in the first passes too: a lattice node far from the surface has
-/// 2.0, and no place is better.
-const GOOD: f64 = 1.4;
+/// Passes at most. Most meshes need ten.
+const PASSES: usize = 40;
+/// A node that no direction of so many passes has helped waits until something near it moves.
+const PATIENCE: u8 = 5;
+/// Layers of nodes below the surface that move.
+const LAYERS: usize = 2;
+/// Score below which a node is moved in the first pass, towards its neighbours' centre only.
+const GOOD: f64 = 1.3;
+/// Score at which a search ends: a little above the target, so that a neighbour's moves leave some of it.
+const ENOUGH: f64 = 1.05;
 /// Parts of the way to the neighbours' centre, and lengths of trial steps in lattice spacings.
 const TOWARDS_CENTRE: [f64; 3] = [1.0, 0.5, 0.2];
 const STEPS: [f64; 3] = [0.12, 0.04, 0.013];
@@ -40,67 +47,112 @@ const DIRECTIONS: [[f64; 3]; 14] = [
     [1., -1., -1.],
     [-1., -1., -1.],
 ];
+/// The mean of a facet's distance from a curved surface over the distance at its centre, where its corners lie on the
+/// surface: 1 − r²/R², with the mean r² = R²/4 of an equilateral triangle.
+const MEAN_OVER_CENTRE: f64 = 0.75;
+/// A surface node is moved off the surface by at most this part of a spacing.
+const MOST_LIFT: f64 = 0.1;
+/// Cosine (37°) between the planes around a node below which the body has an edge there.
+const SHARP: f64 = 0.8;
+/// A direction is decided by the planes if its eigenvalue is at least this part of the largest.
+const DECIDED: f64 = 0.08;
+/// Edges are looked for within this part of a spacing from a node.
+const EDGE_REACH: f64 = 0.45;
+/// The score that may be left at an edge, and parts of the way there that are tried.
+const AT_EDGE: f64 = 0.985;
+const TO_EDGE: [f64; 4] = [1.0, 0.75, 0.5, 0.25];
+/// Depth of a facet's centre over the root of twice its area below which there is no edge near.
+const SHALLOW: f64 = 0.02;
+
+/// What became of a node.
+enum Tried {
+    /// It was good enough.
+    Good,
+    /// It goes there.
+    Better(Point),
+    /// No better place was found.
+    Stuck,
+}
 
 /// Improves a mesh in place; its topology stays.
-pub(super) fn improve(body: &dyn ImplicitBody, targets: &Targets, spacings: &[f64], mesh: &mut TetMesh) {
-    let smoother = Smoother::new(body, targets, spacings, &mesh.tets, mesh.nodes.len());
-    let colours = smoother.colours();
-    for pass in 0..PASSES[0] + PASSES[1] {
+pub(super) fn improve(body: &dyn ImplicitBody, targets: &Targets, filled: &mut Filled) {
+    let Filled { mesh, spacings, facets } = filled;
+    let smoother = Smoother::new(body, targets, spacings, &mesh.tets, facets, mesh.nodes.len());
+    let nodes = &mut mesh.nodes;
+    let mut todo: Vec<u32> =
+        (0..nodes.len() as u32).filter(|&v| smoother.colour_of[v as usize] != INACTIVE).collect();
+    let mut patience = vec![PATIENCE; nodes.len()];
+    // The pass in which a node was last listed.
+    let mut listed = vec![0u32; nodes.len()];
+    for pass in 0..PASSES {
         // Other directions in each pass: a node that none of one set helps may be helped by the next.
         let turn = Rotation3::from_scaled_axis(Vector::new(0.7, 1.1, 0.4) * pass as f64);
         let directions = DIRECTIONS.map(|d| turn * Vector::from(d));
-        let enough = if pass < PASSES[0] { GOOD } else { 1.0 };
-        for colour in &colours {
-            let moves: Vec<Option<Point>> = (colour.par_iter())
-                .map_init(Star::default, |star, &v| {
-                    smoother.better_place(&mesh.nodes, v, enough, &directions, star)
-                })
+        let (directions, below) = if pass == 0 { (&[][..], GOOD) } else { (&directions[..], 1.0) };
+        let mut moved = Vec::new();
+        let mut stuck = Vec::new();
+        for colour in smoother.by_colour(&todo) {
+            let tried: Vec<Tried> = (colour.par_iter())
+                .with_min_len(16)
+                .map_init(Star::default, |star, &v| smoother.try_node(nodes, v, below, directions, star))
                 .collect();
-            for (&v, to) in colour.iter().zip(moves) {
-                if let Some(to) = to {
-                    mesh.nodes[v as usize] = to;
+            for (&v, tried) in colour.iter().zip(tried) {
+                match tried {
+                    Tried::Good => {}
+                    Tried::Better(to) => {
+                        nodes[v as usize] = to;
+                        moved.push(v);
+                    }
+                    Tried::Stuck => stuck.push(v),
                 }
             }
         }
-    }
-}
-
-/// Numbers of the things around each node, in one list.
-struct Around {
-    start: Vec<u32>,
-    items: Vec<u32>,
-}
-
-impl Around {
-    fn of<const N: usize>(things: &[[u32; N]], nodes: usize) -> Self {
-        let mut start = vec![0u32; nodes + 1];
-        things.iter().flatten().for_each(|&n| start[n as usize + 1] += 1);
-        for i in 0..nodes {
-            start[i + 1] += start[i];
+        if pass == 0 {
+            // All are looked at once more, now for good.
+            continue;
         }
-        let mut next = start.clone();
-        let mut items = vec![0; N * things.len()];
-        for (i, thing) in things.iter().enumerate() {
-            for &n in thing {
-                items[next[n as usize] as usize] = i as u32;
-                next[n as usize] += 1;
+        todo.clear();
+        let mut list = |v: u32, todo: &mut Vec<u32>| {
+            if smoother.colour_of[v as usize] != INACTIVE && listed[v as usize] != pass as u32 {
+                listed[v as usize] = pass as u32;
+                todo.push(v);
+            }
+        };
+        for &v in &moved {
+            for &n in smoother.tets_of.get(v).iter().flat_map(|&t| &smoother.tets[t as usize]) {
+                patience[n as usize] = PATIENCE;
+                list(n, &mut todo);
             }
         }
-        Self { start, items }
+        for &v in &stuck {
+            if patience[v as usize] > 0 {
+                patience[v as usize] -= 1;
+                list(v, &mut todo);
+            }
+        }
+        todo.sort_unstable();
+        if todo.is_empty() {
+            break;
+        }
     }
-    fn get(&self, node: u32) -> &[u32] {
-        &self.items[self.start[node as usize] as usize..self.start[node as usize + 1] as usize]
-    }
+    smoother.lift(nodes);
 }
+
+/// The colour of nodes that stay where they are.
+const INACTIVE: u8 = u8::MAX;
 
 struct Smoother<'a> {
     body: &'a dyn ImplicitBody,
     spacings: &'a [f64],
     targets: &'a Targets,
     tets: &'a [[u32; 4]],
-    facets: Vec<[u32; 3]>,
+    facets: &'a [[u32; 3]],
+    /// Of active nodes.
     tets_of: Around,
     facets_of: Around,
+    /// Of each node; [`INACTIVE`] away from the surface.
+    colour_of: Vec<u8>,
+    colours: usize,
 }
 
 impl<'a> Smoother<'a> {
@@ -109,41 +161,56 @@ impl<'a> Smoother<'a> {
         targets: &'a Targets,
         spacings: &'a [f64],
         tets: &'a [[u32; 4]],
+        facets: &'a [[u32; 3]],
         nodes: usize,
     ) -> Self {
-        let facets: Vec<[u32; 3]> = boundary(tets).into_iter().map(|(t, f)| face_nodes(tets, t, f)).collect();
-        Self {
+        let mut on = vec![false; nodes];
+        facets.iter().flatten().for_each(|&n| on[n as usize] = true);
+        let mut active = on.clone();
+        for _ in 0..LAYERS {
+            let before = active.clone();
+            for t in tets.iter().filter(|t| t.iter().any(|n| before[*n as usize])) {
+                t.iter().for_each(|&n| active[n as usize] = true);
+            }
+        }
+        let mut smoother = Self {
             body,
             spacings,
             targets,
-            tets_of: Around::of(tets, nodes),
-            facets_of: Around::of(&facets, nodes),
             tets,
             facets,
+            tets_of: Around::of(tets, nodes, |n| active[n as usize]),
+            facets_of: Around::of(facets, nodes, |_| true),
+            colour_of: vec![INACTIVE; nodes],
+            colours: 0,
+        };
+        smoother.colour(&active);
+        smoother
+    }
+
+    /// Colours the active nodes, greedily in their order. A node with more neighbours than there are colours stays where
+    /// it is.
+    fn colour(&mut self, active: &[bool]) {
+        for v in (0..active.len()).filter(|v| active[*v]) {
+            let mut taken = [0u64; 4];
+            for &n in self.tets_of.get(v as u32).iter().flat_map(|&t| &self.tets[t as usize]) {
+                let c = self.colour_of[n as usize];
+                taken[c as usize / 64] |= 1 << (c % 64);
+            }
+            let free = taken.iter().position(|w| *w != u64::MAX);
+            let colour = free.map_or(INACTIVE, |i| (64 * i) as u8 + taken[i].trailing_ones() as u8);
+            self.colour_of[v] = colour;
+            if colour != INACTIVE {
+                self.colours = self.colours.max(colour as usize + 1);
+            }
         }
     }
 
-    /// Nodes by colour, greedily in their order.
-    fn colours(&self) -> Vec<Vec<u32>> {
-        let nodes = self.tets_of.start.len() - 1;
-        let mut colour_of = vec![u32::MAX; nodes];
-        let mut colours: Vec<Vec<u32>> = Vec::new();
-        let mut taken: Vec<u32> = Vec::new();
-        for v in 0..nodes as u32 {
-            taken.clear();
-            let neighbours = self.tets_of.get(v).iter().flat_map(|&t| self.tets[t as usize]);
-            taken.extend(neighbours.map(|n| colour_of[n as usize]).filter(|c| *c != u32::MAX));
-            taken.sort_unstable();
-            taken.dedup();
-            let free =
-                taken.iter().enumerate().find(|(i, c)| *i as u32 != **c).map_or(taken.len(), |(i, _)| i);
-            colour_of[v as usize] = free as u32;
-            if free == colours.len() {
-                colours.push(Vec::new());
-            }
-            colours[free].push(v);
-        }
-        colours
+    /// Nodes by their colour, each in the order given.
+    fn by_colour(&self, nodes: &[u32]) -> Vec<Vec<u32>> {
+        let mut out = vec![Vec::new(); self.colours];
+        nodes.iter().for_each(|&v| out[self.colour_of[v as usize] as usize].push(v));
+        out
     }
 
     /// Gathers what is around node `v`.
@@ -162,50 +229,50 @@ impl<'a> Smoother<'a> {
         }
     }
 
-    /// A better place for node `v`, if its score is below `enough` and a better one is found.
-    fn better_place(
-        &self,
-        nodes: &[Point],
-        v: u32,
-        enough: f64,
-        directions: &[Vector],
-        star: &mut Star,
-    ) -> Option<Point> {
+    /// Seeks a better place for node `v` if its score is below `below`: towards its neighbours' centre, then, where
+    /// that is not enough, in the directions.
+    fn try_node(&self, nodes: &[Point], v: u32, below: f64, directions: &[Vector], star: &mut Star) -> Tried {
         self.gather(nodes, v, star);
         let (from, spacing_mm) = (nodes[v as usize], self.spacings[v as usize]);
         let targets = self.targets.at(spacing_mm);
         let now = star.score(&targets, from, f64::NEG_INFINITY);
-        if now >= enough {
-            return None;
+        if now >= below {
+            return Tried::Good;
         }
+        let enough = ENOUGH * below;
         let normal = star.normal(from, 1e-12 * spacing_mm * spacing_mm);
         let on_surface = star.on_surface();
         let flat = |d: Vector| normal.map_or(d, |n| d - n * d.dot(&n));
         let centre = star.centre() - from;
         let (mut best, mut best_score) = (from, now);
-        let mut consider = |to: Point, best: &mut Point| {
+        for part in TOWARDS_CENTRE {
+            let to = from + flat(centre) * part;
             let score = star.score(&targets, to, best_score);
             if score > best_score {
-                (*best, best_score) = (to, score);
+                (best, best_score) = (to, score);
             }
-        };
-        for part in TOWARDS_CENTRE {
-            consider(from + flat(centre) * part, &mut best);
         }
-        for step in STEPS {
+        'search: for step in STEPS {
             // Twice from each length: the second time from where the first arrived.
             for _ in 0..2 {
                 let base = best;
                 for d in directions {
-                    consider(base + flat(*d) * (step * spacing_mm), &mut best);
+                    if best_score >= enough {
+                        break 'search;
+                    }
+                    let to = base + flat(*d) * (step * spacing_mm);
+                    let score = star.score(&targets, to, best_score);
+                    if score > best_score {
+                        (best, best_score) = (to, score);
+                    }
                 }
             }
         }
         if best_score <= now {
-            return None;
+            return Tried::Stuck;
         }
         let Some(normal) = normal.filter(|_| on_surface) else {
-            return (!on_surface).then_some(best);
+            return if on_surface { Tried::Stuck } else { Tried::Better(best) };
         };
         // Back onto the surface; of the whole move and its halves the first that still helps is taken.
         let was_off = self.body.value(&from).abs();
@@ -213,25 +280,25 @@ impl<'a> Smoother<'a> {
         for _ in 0..3 {
             let (to, off) = self.onto_surface(from + way, normal, spacing_mm);
             if off <= was_off.max(1e-3 * spacing_mm) && star.score(&targets, to, now) > now {
-                return Some(to);
+                return Tried::Better(to);
             }
             way *= 0.5;
         }
-        None
+        Tried::Stuck
     }
 
     /// The place on the surface reached from `p` along the normal by the secant method, and the body's value
     /// left there (absolute, mm).
     fn onto_surface(&self, p: Point, normal: Vector, spacing_mm: f64) -> (Point, f64) {
         let (mut s0, mut f0) = (0.0, self.body.value(&p));
-        if f0.abs() < 1e-5 * spacing_mm {
+        if f0.abs() < 1e-4 * spacing_mm {
             return (p, f0.abs());
         }
         // Near the surface the value is about the distance.
         let mut s1 = -f0;
         let mut f1 = self.body.value(&(p + normal * s1));
         for _ in 0..4 {
-            if f1.abs() < 1e-5 * spacing_mm || (f1 - f0).abs() < f64::MIN_POSITIVE {
+            if f1.abs() < 1e-4 * spacing_mm || (f1 - f0).abs() < f64::MIN_POSITIVE {
                 break;
             }
             let s2 = s1 - f1 * (s1 - s0) / (f1 - f0);
@@ -242,5 +309,122 @@ impl<'a> Smoother<'a> {
         // Not a number or a step far away: left to the caller to refuse.
         let off = if f1.is_finite() && s1.abs() < spacing_mm { f1.abs() } else { f64::INFINITY };
         (p + normal * s1, off)
+    }
+
+    /// Moves surface nodes off the surface by what the facets' middles lie within it (or beyond it, in a hollow), so that
+    /// facets are neither inscribed nor circumscribed: the volume is right to second order, and the mean distance halved.
+    /// Where the body has an edge or a corner the node goes there instead.
+    fn lift(&self, nodes: &mut [Point]) {
+        let planes: Vec<Tangent> = (self.facets.par_iter()).map(|f| self.tangent(nodes, f)).collect();
+        let on = |v: &u32| self.colour_of[*v as usize] != INACTIVE && !self.facets_of.get(*v).is_empty();
+        let on: Vec<u32> = (0..nodes.len() as u32).filter(on).collect();
+        for colour in self.by_colour(&on) {
+            let moves: Vec<Option<Point>> = (colour.par_iter())
+                .with_min_len(16)
+                .map_init(Star::default, |star, &v| {
+                    self.gather(nodes, v, star);
+                    let (from, spacing_mm) = (nodes[v as usize], self.spacings[v as usize]);
+                    let targets = self.targets.at(spacing_mm);
+                    let normal = star.normal(from, 1e-12 * spacing_mm * spacing_mm)?;
+                    let around = self.facets_of.get(v).iter().map(|&f| planes[f as usize]);
+                    let count = around.len() as f64;
+                    let now = star.score(&targets, from, f64::NEG_INFINITY);
+                    if let Some(way) = to_edge(around.clone(), from, EDGE_REACH * spacing_mm) {
+                        for part in TO_EDGE {
+                            let to = from + way * part;
+                            if star.score(&targets, to, f64::NEG_INFINITY) >= now.min(AT_EDGE) {
+                                return Some(to);
+                            }
+                        }
+                        return None;
+                    }
+                    let mean = around.map(|p| p.depth).sum::<f64>() / count;
+                    let most = MOST_LIFT * spacing_mm;
+                    let to = from + normal * (MEAN_OVER_CENTRE * mean).clamp(-most, most);
+                    (star.score(&targets, to, f64::NEG_INFINITY) >= now.min(1.0)).then_some(to)
+                })
+                .collect();
+            for (&v, to) in colour.iter().zip(moves) {
+                if let Some(to) = to {
+                    nodes[v as usize] = to;
+                }
+            }
+        }
+    }
+
+    /// The plane that touches the body nearest to a facet's centre.
+    fn tangent(&self, nodes: &[Point], facet: &[u32; 3]) -> Tangent {
+        let [a, b, c] = facet.map(|n| nodes[n as usize]);
+        let centre = Point::from((a.coords + b.coords + c.coords) / 3.0);
+        let across = (b - a).cross(&(c - a));
+        let depth = -self.body.value(&centre);
+        let flat = across.try_normalize(0.0).unwrap_or_else(Vector::zeros);
+        if !depth.is_finite() {
+            return Tangent { at: centre, normal: flat, depth: 0.0 };
+        }
+        // A shallow facet on a smooth body: its own plane tells as much as the body's slope would.
+        if depth.abs() < SHALLOW * across.norm().sqrt() {
+            return Tangent { at: centre + flat * depth, normal: flat, depth };
+        }
+        let step = 0.02 * across.norm().sqrt();
+        let at = centre + flat * depth;
+        let slope = Vector::from([0, 1, 2].map(|k| {
+            let mut d = Vector::zeros();
+            d[k] = step;
+            self.body.value(&(at + d)) - self.body.value(&(at - d))
+        }));
+        let normal = slope.try_normalize(0.0).filter(|n| n.iter().all(|x| x.is_finite())).unwrap_or(flat);
+        Tangent { at, normal, depth }
+    }
+}
+
+/// A plane that touches the body, and how deep the facet's centre lies below the body's surface, mm.
+#[derive(Debug, Clone, Copy)]
+struct Tangent {
+    at: Point,
+    normal: Vector,
+    depth: f64,
+}
+
+/// The way from a node to the edge or corner in which the planes around it meet: where the squares of its distances from
+/// them are least, moved only in directions that the planes decide (Garland and Heckbert 1997; Ohtake and Belyaev 2002).
+/// `None` where they are nearly one plane, or meet farther than `reach_mm` away.
+fn to_edge(planes: impl Iterator<Item = Tangent> + Clone, from: Point, reach_mm: f64) -> Option<Vector> {
+    let sharpest = planes.clone().flat_map(|p| planes.clone().map(move |q| p.normal.dot(&q.normal)));
+    if sharpest.fold(1.0, f64::min) > SHARP {
+        return None;
+    }
+    let (mut matrix, mut right) = (nalgebra::Matrix3::zeros(), Vector::zeros());
+    for p in planes {
+        matrix += p.normal * p.normal.transpose();
+        right += p.normal * p.normal.dot(&(p.at - from));
+    }
+    let eigen = matrix.symmetric_eigen();
+    let most = eigen.eigenvalues.max();
+    let mut way = Vector::zeros();
+    for k in 0..3 {
+        if eigen.eigenvalues[k] > DECIDED * most {
+            let d = eigen.eigenvectors.column(k);
+            way += d * (d.dot(&right) / eigen.eigenvalues[k]);
+        }
+    }
+    (way.norm() <= reach_mm).then_some(way)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn three_planes_meet_in_a_corner_and_two_in_an_edge() {
+        let plane = |n: [f64; 3]| Tangent { at: Point::from(n), normal: Vector::from(n), depth: 0.0 };
+        let from = Point::new(0.9, 0.9, 0.7);
+        let three = [[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]].map(plane);
+        let way = to_edge(three.into_iter(), from, 1.0).unwrap();
+        assert!((from + way - Point::new(1.0, 1.0, 1.0)).norm() < 1e-12);
+        let way = to_edge(three.into_iter().take(2), from, 1.0).unwrap();
+        assert!((from + way - Point::new(1.0, 1.0, 0.7)).norm() < 1e-12);
+        assert_eq!(to_edge(three.into_iter().take(1), from, 1.0), None);
+        assert_eq!(to_edge(three.into_iter(), from, 0.1), None);
     }
 }

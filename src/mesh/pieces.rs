@@ -1,15 +1,16 @@
-//! Pieces of a mesh that hang together by faces; the largest is kept.
+//! Pieces of a mesh that hang together; the largest is kept.
 
 use super::TetMesh;
+use super::repair::Filled;
 use super::score;
-use super::tetmesh::sorted_faces;
 
-/// Keeps the piece of greatest volume and the nodes that it uses, in their order; `spacings` are kept with them.
-pub(super) fn largest(mesh: TetMesh, spacings: &mut Vec<f64>) -> TetMesh {
-    let piece = label(&mesh.tets);
+/// Keeps the piece of greatest volume and the nodes that it uses, in their order.
+pub(super) fn largest(filled: Filled) -> Filled {
+    let Filled { mesh, spacings, facets } = filled;
+    let piece = label(&mesh);
     let count = piece.iter().max().map_or(0, |m| *m as usize + 1);
     if count == 1 {
-        return mesh;
+        return Filled { mesh, spacings, facets };
     }
     let mut volume = vec![0.0; count];
     for (t, &c) in piece.iter().enumerate() {
@@ -22,42 +23,45 @@ pub(super) fn largest(mesh: TetMesh, spacings: &mut Vec<f64>) -> TetMesh {
         mesh.tets.iter().zip(&piece).filter(|(_, c)| **c as usize == best).map(|(t, _)| *t).collect();
     kept.iter().flatten().for_each(|&n| number[n as usize] = 0);
     let (mut nodes, mut kept_spacings) = (Vec::new(), Vec::new());
-    for (i, p) in number.iter_mut().enumerate() {
-        if *p == 0 {
-            *p = nodes.len() as u32;
-            nodes.push(mesh.nodes[i]);
-            kept_spacings.push(spacings[i]);
-        }
+    for (i, p) in number.iter_mut().enumerate().filter(|(_, p)| **p == 0) {
+        *p = nodes.len() as u32;
+        nodes.push(mesh.nodes[i]);
+        kept_spacings.push(spacings[i]);
     }
-    *spacings = kept_spacings;
     let tets = kept.iter().map(|t| t.map(|n| number[n as usize])).collect();
-    TetMesh { nodes, tets, dropped_pieces: count.saturating_sub(1) }
+    let facets = facets.iter().map(|f| f.map(|n| number[n as usize])).filter(|f| f[0] != u32::MAX).collect();
+    let mesh = TetMesh { nodes, tets, dropped_pieces: count.saturating_sub(1) };
+    Filled { mesh, spacings: kept_spacings, facets }
 }
 
-/// The number of each tetrahedron's piece, in the order of first tetrahedra.
-fn label(tets: &[[u32; 4]]) -> Vec<u32> {
-    let mut neighbours = vec![[u32::MAX; 4]; tets.len()];
-    for pair in sorted_faces(tets).windows(2).filter(|w| w[0].0 == w[1].0) {
-        neighbours[pair[0].1 as usize][pair[0].2 as usize] = pair[1].1;
-        neighbours[pair[1].1 as usize][pair[1].2 as usize] = pair[0].1;
+/// The number of each tetrahedron's piece, in the order of first tetrahedra. Pieces of a mesh whose surface is manifold
+/// share no node, so whatever shares one hangs together.
+fn label(mesh: &TetMesh) -> Vec<u32> {
+    let mut parent: Vec<u32> = (0..mesh.nodes.len() as u32).collect();
+    let root = |parent: &mut Vec<u32>, mut n: u32| {
+        while parent[n as usize] != n {
+            parent[n as usize] = parent[parent[n as usize] as usize];
+            n = parent[n as usize];
+        }
+        n
+    };
+    for t in &mesh.tets {
+        let mut a = root(&mut parent, t[0]);
+        for &n in &t[1..] {
+            let b = root(&mut parent, n);
+            parent[a.max(b) as usize] = a.min(b);
+            a = a.min(b);
+        }
     }
-    let mut piece = vec![u32::MAX; tets.len()];
+    let mut number = vec![u32::MAX; mesh.nodes.len()];
     let mut count = 0;
-    for seed in 0..tets.len() {
-        if piece[seed] != u32::MAX {
-            continue;
+    let mut of = |t: &[u32; 4]| {
+        let slot = &mut number[root(&mut parent, t[0]) as usize];
+        if *slot == u32::MAX {
+            *slot = count;
+            count += 1;
         }
-        piece[seed] = count;
-        let mut todo = vec![seed as u32];
-        while let Some(t) = todo.pop() {
-            for &n in neighbours[t as usize].iter().filter(|n| **n != u32::MAX) {
-                if piece[n as usize] == u32::MAX {
-                    piece[n as usize] = count;
-                    todo.push(n);
-                }
-            }
-        }
-        count += 1;
-    }
-    piece
+        *slot
+    };
+    mesh.tets.iter().map(&mut of).collect()
 }

@@ -7,24 +7,37 @@
 
 use super::TetMesh;
 use super::cut::Field;
+use super::faces::boundary_triangles;
 use super::stencil;
-use super::tetmesh::{boundary, face_nodes};
 use crate::geometry::{ImplicitBody, Point};
 
 /// After so many rounds every warped point is put back at once.
 const ROUNDS: usize = 40;
 
-/// The tetrahedra of a body, their surface manifold, possibly in several pieces; and the grid's spacing at each node, mm.
-pub(super) fn fill(body: &dyn ImplicitBody, field: &Field) -> (TetMesh, Vec<f64>) {
+/// A body's tetrahedra as the stencils leave them.
+#[derive(Debug)]
+pub(super) struct Filled {
+    pub(super) mesh: TetMesh,
+    /// The spacing of the background grid at each node, mm.
+    pub(super) spacings: Vec<f64>,
+    /// The surface: nodes of each facet, counter-clockwise seen from outside.
+    pub(super) facets: Vec<[u32; 3]>,
+}
+
+/// The tetrahedra of a body, their surface manifold, possibly in several pieces.
+pub(super) fn fill(body: &dyn ImplicitBody, field: &Field) -> Filled {
     let points = field.background.len();
+    let all = points + field.cut_count();
     let mut kept = vec![false; points];
     for round in 0..=ROUNDS {
         let warped = field.warp(&kept);
         let tets = stencil::cut_all(body, field, &warped);
-        let faulty = faulty_nodes(&tets, points + field.cut_count());
+        // Only faces between nodes on the surface can be faces of the body.
+        let on = |n: u32| n as usize >= points || warped.side[n as usize] == 0;
+        let facets = boundary_triangles(&tets, all, on);
+        let faulty = faulty_nodes(&facets, all);
         if faulty.is_empty() {
-            let all = points + field.cut_count();
-            return compact(tets, all, |n| (warped.place(field, n), field.spacing_mm(n)));
+            return compact(tets, facets, all, |n| (warped.place(field, n), field.spacing_mm(n)));
         }
         if round + 1 >= ROUNDS {
             kept.fill(true);
@@ -38,8 +51,7 @@ pub(super) fn fill(body: &dyn ImplicitBody, field: &Field) -> (TetMesh, Vec<f64>
 
 /// Nodes at which the surface is not manifold: on an edge with other than two triangles, or with several
 /// fans.
-fn faulty_nodes(tets: &[[u32; 4]], nodes: usize) -> Vec<u32> {
-    let triangles: Vec<[u32; 3]> = boundary(tets).into_iter().map(|(t, f)| face_nodes(tets, t, f)).collect();
+fn faulty_nodes(triangles: &[[u32; 3]], nodes: usize) -> Vec<u32> {
     let mut faulty = Vec::new();
     let mut edges: Vec<(u32, u32)> = triangles
         .iter()
@@ -57,7 +69,7 @@ fn faulty_nodes(tets: &[[u32; 4]], nodes: usize) -> Vec<u32> {
     }
     let mut place = start.clone();
     let mut links = vec![[0u32; 2]; 3 * triangles.len()];
-    for &[a, b, c] in &triangles {
+    for &[a, b, c] in triangles {
         for [v, p, q] in [[a, b, c], [b, c, a], [c, a, b]] {
             links[place[v as usize] as usize] = [p, q];
             place[v as usize] += 1;
@@ -86,8 +98,13 @@ fn is_one_fan(link: &[[u32; 2]]) -> bool {
     steps == link.len()
 }
 
-/// A mesh of the nodes that are used, in their order, and the spacing at each.
-fn compact(mut tets: Vec<[u32; 4]>, nodes: usize, of: impl Fn(u32) -> (Point, f64)) -> (TetMesh, Vec<f64>) {
+/// The nodes that are used, in their order, and what is between them.
+fn compact(
+    mut tets: Vec<[u32; 4]>,
+    mut facets: Vec<[u32; 3]>,
+    nodes: usize,
+    of: impl Fn(u32) -> (Point, f64),
+) -> Filled {
     let mut number = vec![u32::MAX; nodes];
     tets.iter().flatten().for_each(|&n| number[n as usize] = 0);
     let (mut places, mut spacings) = (Vec::new(), Vec::new());
@@ -98,5 +115,6 @@ fn compact(mut tets: Vec<[u32; 4]>, nodes: usize, of: impl Fn(u32) -> (Point, f6
         spacings.push(spacing);
     }
     tets.iter_mut().flatten().for_each(|n| *n = number[*n as usize]);
-    (TetMesh::new(places, tets), spacings)
+    facets.iter_mut().flatten().for_each(|n| *n = number[*n as usize]);
+    Filled { mesh: TetMesh::new(places, tets), spacings, facets }
 }

@@ -3,6 +3,10 @@
 use super::MeshError;
 use crate::geometry::{Aabb, ImplicitBody, Point, TriangleMesh, Vector};
 
+/// The most triangles of a surface: they take about 1.5 GB, and a micrometre on a grain of a millimetre.
+pub const MOST_TRIANGLES: usize = 5_000_000;
+/// Least volume over area^1.5; a ball has 0.094, a square plate of a millionth of its width 3·10⁻⁷.
+const LEAST_THICKNESS: f64 = 1e-8;
 /// Triangles in a leaf of the tree.
 const LEAF: usize = 4;
 
@@ -45,10 +49,18 @@ impl Solid {
     /// From a surface that passes [`TriangleMesh::check`]. Takes O(n log n) for n triangles.
     ///
     /// # Errors
-    /// [`MeshError::Open`] with the fault.
+    /// [`MeshError::Open`] with the fault, [`MeshError::Triangles`] for too many, [`MeshError::Flat`] without volume.
     pub fn new(surface: TriangleMesh) -> Result<Self, MeshError> {
-        surface.check()?;
         let n = surface.triangles.len();
+        if n > MOST_TRIANGLES {
+            return Err(MeshError::Triangles { count: n, limit: MOST_TRIANGLES });
+        }
+        surface.check()?;
+        // A sheet folded onto itself encloses nothing but rounding errors.
+        let (volume, area) = (surface.volume_mm3(), surface.area_mm2());
+        if volume < LEAST_THICKNESS * area.powf(1.5) {
+            return Err(MeshError::Flat { volume_mm3: volume, area_mm2: area });
+        }
         let boxes: Vec<Aabb> = (0..n).filter_map(|t| Aabb::of(surface.corners(t))).collect();
         let mut order: Vec<u32> = (0..n as u32).collect();
         let mut tree = Vec::with_capacity(2 * n / LEAF + 1);
@@ -61,6 +73,37 @@ impl Solid {
     /// The surface it was made from.
     pub fn surface(&self) -> &TriangleMesh {
         &self.surface
+    }
+
+    /// The same, turned inside out first where its triangles all face inwards; says whether they did.
+    ///
+    /// # Errors
+    /// As [`Solid::new`], except for what turning repairs.
+    pub fn turned_outwards(mut surface: TriangleMesh) -> Result<(Self, bool), MeshError> {
+        let inwards = surface.volume_mm3() < 0.0;
+        if inwards {
+            surface.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        }
+        Ok((Self::new(surface)?, inwards))
+    }
+
+    /// Calls `each` with the triangles whose boxes meet a triangle's box.
+    pub(super) fn each_near(&self, triangle: &[Point; 3], each: &mut impl FnMut(usize)) {
+        let Some(own) = Aabb::of(*triangle) else { return };
+        let mut todo = vec![0u32];
+        while let Some(b) = todo.pop() {
+            let branch = &self.tree[b as usize];
+            if branch.bounds.intersection(&own).is_none() {
+                continue;
+            }
+            if branch.leaf {
+                self.order[branch.first as usize..branch.last as usize]
+                    .iter()
+                    .for_each(|&t| each(t as usize));
+            } else {
+                todo.extend([branch.first, branch.last]);
+            }
+        }
     }
 
     /// The nearest triangle, its feature and the nearest place on it.

@@ -1,8 +1,8 @@
 //! Tetrahedra that share nodes.
 
+use super::faces::Faces;
 use super::score;
 use crate::geometry::{MeshFault, Point, TriangleMesh};
-use rayon::prelude::*;
 
 /// The faces of a tetrahedron as places in its list of nodes, counter-clockwise seen from outside, in the
 /// order of Abaqus' and `CalculiX`' S1 to S4.
@@ -65,9 +65,6 @@ pub enum TetFault {
     Surface(#[from] MeshFault),
 }
 
-/// A face with its nodes in rising order, its tetrahedron and its place in [`FACES`].
-type Face = ([u32; 3], u32, u8);
-
 impl TetMesh {
     /// From nodes (mm) and tetrahedra; [`TetMesh::check`] says whether they are a mesh.
     pub fn new(nodes: Vec<Point>, tets: Vec<[u32; 4]>) -> Self {
@@ -91,7 +88,11 @@ impl TetMesh {
 
     /// The boundary: faces with one tetrahedron, in the order of their tetrahedra.
     pub fn surface(&self) -> Surface {
-        let faces = boundary(&self.tets);
+        self.surface_of(Faces::of(&self.tets, self.nodes.len(), |_| true).boundary())
+    }
+
+    /// The surface of these faces.
+    fn surface_of(&self, faces: Vec<(u32, u8)>) -> Surface {
         let mut used = vec![false; self.nodes.len()];
         for &(t, f) in &faces {
             for n in face_nodes(&self.tets, t, f) {
@@ -135,13 +136,17 @@ impl TetMesh {
         if let Some(i) = used.iter().position(|u| !u) {
             return Err(TetFault::Orphan(i));
         }
-        for group in sorted_faces(&self.tets).chunk_by(|a, b| a.0 == b.0) {
-            let turned = |f: &Face| is_even(face_nodes(&self.tets, f.1, f.2));
-            if group.len() > 2 || group.len() == 2 && turned(&group[0]) == turned(&group[1]) {
-                return Err(TetFault::Face(group[0].0));
+        let faces = Faces::of(&self.tets, self.nodes.len(), |_| true);
+        for group in faces.groups() {
+            let turned = |i: usize| {
+                let (t, f) = group.side(i);
+                is_even(face_nodes(&self.tets, t, f))
+            };
+            if group.len() > 2 || group.len() == 2 && turned(0) == turned(1) {
+                return Err(TetFault::Face(group.nodes));
             }
         }
-        Ok(self.surface().triangles.check()?)
+        Ok(self.surface_of(faces.boundary()).triangles.check()?)
     }
 }
 
@@ -153,33 +158,6 @@ pub(super) fn face_nodes(tets: &[[u32; 4]], tet: u32, face: u8) -> [u32; 3] {
 /// Whether a triangle's nodes are a rotation of their rising order.
 fn is_even([a, b, c]: [u32; 3]) -> bool {
     (a < b) ^ (b < c) ^ (c < a) ^ ((a < b) && (b < c) && (c < a))
-}
-
-/// Every face of every tetrahedron, equal faces side by side, in an order that does not depend on threads.
-pub(super) fn sorted_faces(tets: &[[u32; 4]]) -> Vec<Face> {
-    let mut faces: Vec<Face> = (0..tets.len() as u32)
-        .into_par_iter()
-        .flat_map_iter(|t| {
-            (0..4u8).map(move |f| {
-                let mut key = face_nodes(tets, t, f);
-                key.sort_unstable();
-                (key, t, f)
-            })
-        })
-        .collect();
-    faces.par_sort_unstable();
-    faces
-}
-
-/// The faces with one tetrahedron, in the order of their tetrahedra.
-pub(super) fn boundary(tets: &[[u32; 4]]) -> Vec<(u32, u8)> {
-    let mut out: Vec<(u32, u8)> = sorted_faces(tets)
-        .chunk_by(|a, b| a.0 == b.0)
-        .filter(|g| g.len() == 1)
-        .map(|g| (g[0].1, g[0].2))
-        .collect();
-    out.sort_unstable();
-    out
 }
 
 #[cfg(test)]

@@ -52,6 +52,8 @@ pub struct MeshSettings {
     pub facet_angle_deg: Option<f64>,
     /// Largest volume of a tetrahedron, mm³.
     pub tet_volume_mm3: Option<f64>,
+    /// Largest distance between the mesh's surface and the hull's, mm.
+    pub distance_mm: Option<f64>,
     /// Largest circumradius of a surface facet where plates will touch the grain, mm.
     pub size_at_contact_mm: Option<f64>,
     /// How far below the highest and above the lowest place the contacts reach, mm.
@@ -66,6 +68,7 @@ impl MeshSettings {
             surface_size_mm: self.surface_size_mm.or(base.surface_size_mm),
             facet_angle_deg: self.facet_angle_deg.or(base.facet_angle_deg),
             tet_volume_mm3: self.tet_volume_mm3.or(base.tet_volume_mm3),
+            distance_mm: self.distance_mm.or(base.distance_mm),
             size_at_contact_mm: self.size_at_contact_mm.or(base.size_at_contact_mm),
             contact_depth_mm: self.contact_depth_mm.or(base.contact_depth_mm),
         }
@@ -82,6 +85,7 @@ impl MeshSettings {
                 base.tet_volume_mm3
                     * (self.surface_size_mm.unwrap_or(base.surface_size_mm) / base.surface_size_mm).powi(3)
             }),
+            distance_mm: self.distance_mm,
             size_at_contact_mm: self.size_at_contact_mm,
             contact_depth_mm: self.contact_depth_mm,
         }

@@ -59,10 +59,10 @@ pub fn graded_ball(radius_mm: f64, at_contact_mm: f64, depth_mm: f64, elsewhere_
     let ball = Ball { center: Point::origin(), radius_mm };
     let controls = Controls {
         surface_size_mm: elsewhere_mm,
-        facet_angle_deg: 15.0,
         tet_volume_mm3: 0.5 * elsewhere_mm.powi(3),
         size_at_contact_mm: Some(at_contact_mm),
         contact_depth_mm: Some(depth_mm),
+        ..Controls::for_size(2.0 * radius_mm)
     };
     mesh(&ball, &controls, &mut |_| ()).unwrap()
 }

@@ -1,6 +1,7 @@
 //! Compression between plates: elements and steps against closed forms.
 
 mod bodies;
+mod calculix;
 mod command;
 mod elements;
 mod press;

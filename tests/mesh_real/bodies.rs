@@ -2,7 +2,7 @@
 
 use super::{assert_good, assert_sound, default_controls};
 use grainrig::geometry::{Aabb, ImplicitBody, Point, TriangleMesh, Vector};
-use grainrig::mesh::{Controls, MeshError, Solid, mesh};
+use grainrig::mesh::{Controls, Distances, MeshError, Solid, mesh};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
@@ -91,6 +91,31 @@ fn a_needle_from_triangles_is_meshed_or_refused_but_never_a_bad_mesh() {
             Err(MeshError::Empty { .. } | MeshError::Promise(_)) => {}
             Err(e) => panic!("{width}: {e}"),
         }
+    }
+}
+
+#[test]
+fn a_cube_keeps_its_edges_nearly_sharp() {
+    // Turned, so that no face lies along the lattice.
+    let turn = rotation(Vector::new(0.3, 0.5, 0.7));
+    let cube = body([0.7; 3], move |p: &Point| {
+        let q = turn(p).abs() - Vector::repeat(0.4);
+        q.map(|x| x.max(0.0)).norm() + q.max().min(0.0)
+    });
+    let c = default_controls(0.512, 1.0);
+    let made = mesh(&cube, &c, &mut |_| ()).unwrap();
+    assert_good(&made, &c, "cube");
+    assert!((made.volume_mm3() / 0.512 - 1.0).abs() < 0.002, "{}", made.volume_mm3());
+    let d = Distances::measure(&cube, &made, &[]).unwrap().to_body;
+    assert!(d.mean_mm < 0.02 * c.surface_size_mm && d.max_mm < 0.8 * c.surface_size_mm, "{d:?}");
+}
+
+/// A rotation by a vector's length about it (Rodrigues).
+fn rotation(by: Vector) -> impl Fn(&Point) -> Vector + Sync {
+    let (angle, axis) = (by.norm(), by.normalize());
+    move |p: &Point| {
+        let v = p.coords;
+        v * angle.cos() + axis.cross(&v) * angle.sin() + axis * axis.dot(&v) * (1.0 - angle.cos())
     }
 }
 

@@ -1,8 +1,9 @@
 //! Grains measured by X-ray tomography, and closed forms, from STL files.
 
-use super::{assert_good, default_controls, on_threads};
+use super::{assert_good, assert_sound, default_controls, on_threads};
 use grainrig::export::{inp, stl};
-use grainrig::mesh::{Solid, mesh};
+use grainrig::geometry::Point;
+use grainrig::mesh::{Controls, Distances, Solid, mesh};
 use std::path::PathBuf;
 
 /// The folder of real grains, which not every checkout has.
@@ -21,37 +22,64 @@ pub fn files() -> Vec<PathBuf> {
 }
 
 #[test]
-fn every_grain_is_meshed_under_the_default_controls() {
+fn every_grain_is_meshed_at_three_sizes() {
     for file in files() {
-        let name = file.display().to_string();
         let surface = stl::read(&std::fs::read(&file).unwrap()).unwrap();
         let volume = surface.volume_mm3();
+        let places: Vec<Point> = surface.vertices.clone();
         let solid = Solid::new(surface).unwrap();
-        let controls = default_controls(volume, 1.0);
-        let made = mesh(&solid, &controls, &mut |_| ()).unwrap();
-        assert_good(&made, &controls, &name);
-        assert_eq!(made.dropped_pieces, 0, "{name}");
-        // Facets are chords of the curved surface: what they cut off is 0.28 % on a ball, to 0.39 % on a
-        // rough grain.
-        let excess = made.volume_mm3() / volume - 1.0;
-        assert!(excess.abs() < 0.006, "{name}: {excess}");
-        // 55 000 tetrahedra or so, whatever the shape and the unit.
-        assert!((45_000..75_000).contains(&made.tets.len()), "{name}: {}", made.tets.len());
+        assert_eq!(solid.crossing(), None, "{}", file.display());
+        for (coarser, tets) in [(2.0, 6_000..9_500), (1.0, 45_000..75_000), (0.7, 130_000..220_000)] {
+            let name = format!("{} {coarser}", file.display());
+            let controls = default_controls(volume, coarser);
+            let made = mesh(&solid, &controls, &mut |_| ()).unwrap();
+            assert_good(&made, &controls, &name);
+            assert_eq!(made.dropped_pieces, 0, "{name}");
+            // Whatever the shape and the unit.
+            assert!(tets.contains(&made.tets.len()), "{name}: {}", made.tets.len());
+            // Facets lie on both sides of the surface: what they cut off they put on elsewhere.
+            let excess = made.volume_mm3() / volume - 1.0;
+            let allowed = if coarser > 1.0 { 0.005 } else { 0.002 };
+            assert!(excess.abs() < allowed, "{name}: {excess}");
+            let d = Distances::measure(&solid, &made, &places).unwrap();
+            let tenth = 0.1 * controls.surface_size_mm;
+            assert!(d.to_body.mean_mm < tenth && d.from_body.mean_mm < tenth, "{name}: {d:?}");
+        }
     }
 }
 
 #[test]
-fn the_volume_cut_off_by_facets_falls_with_the_square_of_their_size() {
+fn the_distance_to_the_surface_falls_with_the_square_of_the_size() {
     let Some(file) = files().into_iter().find(|f| f.ends_with("sand_ma107_00002.stl")) else { return };
     let surface = stl::read(&std::fs::read(&file).unwrap()).unwrap();
     let volume = surface.volume_mm3();
     let solid = Solid::new(surface).unwrap();
-    let missing = [4.0, 2.0].map(|coarser| {
+    let mean = [2.0, 1.0].map(|coarser| {
         let made = mesh(&solid, &default_controls(volume, coarser), &mut |_| ()).unwrap();
-        1.0 - made.volume_mm3() / volume
+        Distances::measure(&solid, &made, &[]).unwrap().to_body.mean_mm
     });
-    let ratio = missing[0] / missing[1];
-    assert!((3.0..5.0).contains(&ratio), "{missing:?}");
+    assert!((2.5..5.5).contains(&(mean[0] / mean[1])), "{mean:?}");
+}
+
+#[test]
+fn a_promised_distance_is_kept_by_finer_elements_or_refused() {
+    let Some(file) = files().into_iter().find(|f| f.ends_with("sand_ma107_00107.stl")) else { return };
+    let surface = stl::read(&std::fs::read(&file).unwrap()).unwrap();
+    let base = default_controls(surface.volume_mm3(), 2.0);
+    let places = surface.vertices.clone();
+    let solid = Solid::new(surface).unwrap();
+    let distance = 0.25 * base.surface_size_mm;
+    let controls = Controls { distance_mm: Some(distance), ..base };
+    let made = mesh(&solid, &controls, &mut |_| ()).unwrap();
+    assert_sound(&made, &controls, "distance");
+    // The triangles' corners were not asked while it was made.
+    assert!(Distances::measure(&solid, &made, &places).unwrap().max_mm() < 1.5 * distance);
+    let controls = Controls { distance_mm: Some(1e-9), ..base };
+    let text = mesh(&solid, &controls, &mut |_| ()).unwrap_err().to_string();
+    assert!(
+        text.contains("distance_mm = 1.000e-9 mm could not be kept") && text.contains("surface_size_mm"),
+        "{text}"
+    );
 }
 
 #[test]

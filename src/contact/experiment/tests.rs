@@ -10,8 +10,8 @@ fn rows(line: impl Fn(f64, f64, f64) -> String) -> String {
     (0..40).map(|i| line(0.1 * f64::from(i), 1e-3 * f64::from(i), law(1e-3 * f64::from(i - 5)))).collect()
 }
 
-fn last(bytes: &[u8], compliance: &Compliance) -> CurvePoint {
-    *read(bytes).unwrap().curve(compliance).unwrap().last().unwrap()
+fn last(bytes: &[u8], compliance: Compliance) -> CurvePoint {
+    *read(bytes).unwrap().curve(&compliance).unwrap().last().unwrap()
 }
 
 #[test]
@@ -30,7 +30,7 @@ fn every_layout_gives_the_same_curve() {
         }),
     ];
     for (name, bytes) in layouts {
-        let end = last(&bytes, &Compliance::none());
+        let end = last(&bytes, Compliance::none());
         assert!((end.approach_mm - 0.033).abs() < 1.1e-3, "{name}: {end:?}");
         assert!((end.force_n - law(0.034)).abs() < 1e-3, "{name}: {end:?}");
     }
@@ -72,7 +72,7 @@ fn a_machines_compliance_is_measured_on_its_plates_and_taken_off() {
         "Time (s),Displacement (mm),Force (N)\n{}",
         rows(|t, d, f| format!("{t},{:.9},{f:.6}\n", d + 0.2e-3 * f))
     );
-    let (with, without) = (last(bytes.as_bytes(), &compliance), last(bytes.as_bytes(), &Compliance::none()));
+    let (with, without) = (last(bytes.as_bytes(), compliance), last(bytes.as_bytes(), Compliance::none()));
     assert!((without.approach_mm - with.approach_mm - 0.2e-3 * with.force_n).abs() < 1e-5);
     assert!(Compliance::given(-0.1).is_err() && Compliance::given(f64::NAN).is_err());
 }

@@ -51,7 +51,7 @@ pub struct CompressSettings {
     pub sphere_radius_mm: Option<f64>,
     /// How the body was turned to come to rest, as a rotation vector, degrees.
     pub placed_deg: [f64; 3],
-    /// The force at which δ_i is read, N.
+    /// The force at which `δ_i` is read, N.
     pub transition_n: f64,
 }
 
@@ -66,7 +66,7 @@ pub struct CompressResult {
     pub curve: Vec<CurvePoint>,
     /// The approach at which the force passes `settings.transition_n`, mm.
     pub delta_i_mm: Option<f64>,
-    /// Hertz' law fitted after δ_i.
+    /// Hertz' law fitted after `δ_i`.
     pub hertz: Option<HertzFit>,
     /// For a sphere the last force over that of the two-plate form.
     pub over_two_plate_form: Option<f64>,
