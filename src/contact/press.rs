@@ -15,6 +15,8 @@ use serde::{Deserialize, Serialize};
 const REVIEW: u64 = 2000;
 /// Share of the stable step that is taken: the body can shrink by so much before the next look.
 const OF_STABLE: f64 = 0.9;
+/// How far nodes may lie beyond plates as they are asked for, over half the plates' distance.
+const OUTSIDE: f64 = 0.02;
 /// A ramp to another speed takes so many crossings of the grain by a shear wave.
 const RAMP: f64 = 2.0;
 
@@ -182,8 +184,16 @@ impl Press {
         loading.check()?;
         let mut body = Body::new(mesh, material)?;
         let (bottom, top) = reach(&body.rest);
-        let plates =
+        let asked =
             Plates { lower_mm: middle_mm - 0.5 * gap_mm, upper_mm: middle_mm + 0.5 * gap_mm, friction };
+        // A mesh's nodes may lie a little outside the body that it stands for: then the plates begin at the nodes, and the
+        // approach below nought.
+        let half = (0.5 * gap_mm).max(middle_mm - bottom).max(top - middle_mm);
+        let plates = if half <= (1.0 + OUTSIDE) * 0.5 * gap_mm {
+            Plates { lower_mm: middle_mm - half, upper_mm: middle_mm + half, friction }
+        } else {
+            asked
+        };
         plates.check(bottom, top)?;
         if loading.mass_scaling > 0.0 {
             body.scale_mass(loading.mass_scaling);
@@ -208,6 +218,7 @@ impl Press {
             height_mm,
             mass_t,
         };
+        press.stretch.from_mm = press.approach_mm();
         press.review()?;
         Ok(press)
     }

@@ -4,5 +4,6 @@ mod bodies;
 mod calculix;
 mod command;
 mod elements;
+mod grain;
 mod press;
 mod sphere;
