@@ -100,12 +100,15 @@ pub(super) fn write(
     write_whole(folder, "stages.pvd", &collection)?;
     let s = &result.settings;
     let approach_mm = press.samples().last().map_or(0.0, |x| x.approach_mm);
+    // The plates begin at the nodes where these lie outside the plates as they were asked for.
+    let beyond = mesh.nodes.iter().map(|p| (p.z - s.middle_mm).abs()).fold(0.5 * s.gap_mm, f64::max);
+    let earlier_mm = 2.0 * beyond - s.gap_mm;
     let deck = press_deck::Deck {
         mesh,
         material: &s.material,
-        plates_mm: [s.middle_mm - 0.5 * s.gap_mm, s.middle_mm + 0.5 * s.gap_mm],
+        plates_mm: [s.middle_mm - beyond, s.middle_mm + beyond],
         friction: s.friction,
-        approach_mm: s.loading.to_approach_mm.unwrap_or(approach_mm).max(1e-6),
+        approach_mm: (s.loading.to_approach_mm.unwrap_or(approach_mm) + earlier_mm).max(1e-6),
         seconds: press.samples().last().map_or(1e-5, |x| x.time_s),
         steps: 10,
         source: &s.source,
