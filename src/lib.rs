@@ -16,6 +16,7 @@ pub mod session;
 pub mod study;
 // Below this line: pure computation. No files, clock, threads of its own, logging or async; rayon only.
 pub mod calibrate;
+pub mod contact;
 pub mod geometry;
 pub mod hull;
 pub mod mesh;

@@ -110,6 +110,20 @@ silhouettes are filled, and the volumes of both hulls and of the merged one. The
 Exit code 1, and nothing written, where the poses do not fit (another grain, a wrong scale or sense of rotation)
 or fit in several ways (a ball, a symmetric grain).";
 
+pub(super) const COMPRESS: &str = "\
+Examples:
+  grainrig compress quartz-07                             a session's grain to 10 N, elastic, E = 100 GPa
+  grainrig compress grain.stl --material plastic --yield-mpa 100 --out plastic --beside grain-compressed
+  grainrig compress --sphere-diameter-mm 0.815 --to-approach-mm 0.06 --friction 0
+  grainrig compress quartz-07 --experiment test.csv --compliance-um-per-n 0.12
+  grainrig compress --resume quartz-07-compressed
+
+The grain rolls into a stable rest on the lower plate; the approach counts from where the plates touch it (for a
+sphere from its diameter). DIR gets curve.csv, curve.svg and .png, result.json, the deformed mesh with its stresses at
+eight stages (stages.pvd for ParaView) and a picture of a cut at each, and the same model as decks for Abaqus/Explicit
+and CalculiX. Ctrl-C writes what there is; after that, or a power failure, --resume goes on with the same bits.
+Units: mm, N, MPa, t.";
+
 pub(super) const VERIFY: &str = "\
 Examples:
   grainrig verify quartz-07

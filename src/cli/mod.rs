@@ -2,6 +2,7 @@
 
 mod calibrate;
 mod capture;
+mod compress;
 mod devices;
 mod doctor;
 mod help;
@@ -21,6 +22,7 @@ mod verify;
 use crate::acquire::QualityMode;
 use crate::calibrate::ScaleError;
 use crate::config::{Config, ConfigError};
+use crate::contact::ContactError;
 use crate::daemon::DaemonError;
 use crate::mesh::MeshError;
 use crate::pipeline::PipelineError;
@@ -110,6 +112,9 @@ enum Command {
     /// Put two captures of one grain, another side down in the second, together to one closer hull and mesh.
     #[command(after_help = help::MERGE)]
     Merge(merge::Arguments),
+    /// Press a grain between two rigid plates: force against displacement, by explicit dynamics.
+    #[command(after_help = help::COMPRESS)]
+    Compress(compress::Arguments),
     /// Check every file of a session against the hashes in its journal.
     #[command(after_help = help::VERIFY)]
     Verify(verify::Arguments),
@@ -185,6 +190,7 @@ pub fn run() -> ExitCode {
         Command::Reconstruct(a) => reconstruct::run(common, &a),
         Command::Mesh(a) => mesh::run(common, &a),
         Command::Merge(a) => merge::run(common, &a),
+        Command::Compress(a) => compress::run(common, &a),
         Command::Verify(a) => verify::run(common, &a),
         Command::Calibrate(a) => calibrate::run(common, a),
         Command::Study(a) => study::run(common, &a),
@@ -224,6 +230,7 @@ fn is_usage(error: &anyhow::Error) -> bool {
             || cause.is::<ConfigError>()
             || cause.downcast_ref().is_some_and(session_usage)
             || cause.downcast_ref().is_some_and(mesh_usage)
+            || cause.downcast_ref().is_some_and(contact_usage)
             || match cause.downcast_ref::<DaemonError>() {
                 Some(
                     DaemonError::Config(_)
@@ -237,8 +244,9 @@ fn is_usage(error: &anyhow::Error) -> bool {
                 Some(DaemonError::Scale(e)) => {
                     matches!(e, ScaleError::Length { .. } | ScaleError::TooNear { .. })
                 }
+                Some(DaemonError::Contact(e)) => contact_usage(e),
                 Some(DaemonError::Session(e)) => session_usage(e),
-                Some(DaemonError::Pipeline(PipelineError::Mesh(e))) => mesh_usage(e),
+                Some(DaemonError::Mesh(e) | DaemonError::Pipeline(PipelineError::Mesh(e))) => mesh_usage(e),
                 _ => false,
             }
     })
@@ -250,6 +258,10 @@ fn session_usage(error: &SessionError) -> bool {
 
 fn mesh_usage(error: &MeshError) -> bool {
     matches!(error, MeshError::Control { .. } | MeshError::TooMany { .. })
+}
+
+fn contact_usage(error: &ContactError) -> bool {
+    matches!(error, ContactError::Setting { .. } | ContactError::Unstable { .. })
 }
 
 /// Marks an error as one of usage.

@@ -2,6 +2,8 @@
 
 use super::output::say;
 use crate::acquire::{Control, Phase};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{SyncSender, sync_channel};
 use tokio::runtime::{Builder, Runtime};
 use tokio::signal::unix::{SignalKind, signal};
@@ -22,6 +24,32 @@ pub(super) fn survive_file_limit() {
         // The handler stays for as long as the program runs. Where the system gives none, nothing is worse.
         drop(signal(kind));
     }
+}
+
+/// A flag that Ctrl-C, or the system's wish to end the program, sets; the second time the program ends at once.
+pub(super) fn stop_flag(said: &'static str) -> Arc<AtomicBool> {
+    let flag = Arc::new(AtomicBool::new(false));
+    let on_signal = Arc::clone(&flag);
+    let (listening, listens) = sync_channel::<()>(1);
+    std::thread::spawn(move || {
+        let Ok(runtime) = runtime() else { return };
+        let _: std::io::Result<()> = runtime.block_on(async move {
+            let mut interrupt = signal(SignalKind::interrupt())?;
+            let mut terminate = signal(SignalKind::terminate())?;
+            let mut hangup = signal(SignalKind::hangup())?;
+            drop(listening);
+            loop {
+                tokio::select! { _ = interrupt.recv() => {}, _ = terminate.recv() => {}, _ = hangup.recv() => {} }
+                if on_signal.swap(true, Ordering::Relaxed) {
+                    std::process::exit(STOPPED);
+                }
+                say(said);
+            }
+        });
+    });
+    // Nothing begins before somebody listens, or can't: then the sender is gone.
+    let _: Result<(), _> = listens.recv();
+    flag
 }
 
 /// A control that Ctrl-C, or the system's wish to end the program, aborts: the view in hand is finished, what

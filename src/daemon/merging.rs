@@ -84,7 +84,7 @@ fn seen(folder: &Path, told: &Numbered) -> Result<(Posed, Settings), DaemonError
 }
 
 /// Whether the products may go there: a folder with something in it is somebody's.
-fn check_free(out: &Path) -> Result<(), DaemonError> {
+pub(super) fn check_free(out: &Path) -> Result<(), DaemonError> {
     let taken = match std::fs::read_dir(out) {
         Ok(mut entries) => entries.next().is_some(),
         Err(e) => e.kind() != std::io::ErrorKind::NotFound,

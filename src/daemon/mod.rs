@@ -1,5 +1,6 @@
 //! Owns the one rig and its one job at a time; what both the command line and the server drive.
 
+mod compressing;
 mod devices;
 mod doctor;
 mod finish;
@@ -12,6 +13,10 @@ mod recorded;
 mod scale_file;
 mod scaling;
 
+pub use compressing::{
+    CompressInput, CompressProgress, CompressResult, CompressSettings, Compression, EnergyResult, OtherCurve,
+    Placing,
+};
 pub use devices::{DeviceLine, devices};
 pub use doctor::{Finding, Health, doctor};
 pub use finish::{Finished, RESULT};
@@ -27,6 +32,8 @@ pub use scaling::{Angles, ScaleRequest, calibrate_scale};
 use crate::acquire::AcquireError;
 use crate::calibrate::ScaleError;
 use crate::config::ConfigError;
+use crate::contact::ContactError;
+use crate::export::ExportError;
 use crate::pipeline::PipelineError;
 use crate::rig::RigError;
 use crate::session::SessionError;
@@ -52,6 +59,23 @@ pub enum DaemonError {
     /// A device.
     #[error(transparent)]
     Rig(#[from] RigError),
+    /// The compression.
+    #[error(transparent)]
+    Contact(#[from] ContactError),
+    /// A body that cannot be meshed.
+    #[error(transparent)]
+    Mesh(crate::mesh::MeshError),
+    /// A file of the compression could not be made.
+    #[error(transparent)]
+    Export(#[from] ExportError),
+    /// A folder without a compression that can go on.
+    #[error("{} has no compression to go on with: {reason}; begin it anew in another folder", path.display())]
+    Resume {
+        /// The folder.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
     /// The computation.
     #[error(transparent)]
     Pipeline(#[from] PipelineError),

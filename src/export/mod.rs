@@ -8,6 +8,8 @@ pub mod inp;
 pub mod inp_read;
 pub mod msh;
 pub mod ply;
+pub mod press_deck;
+pub mod pvd;
 pub mod stl;
 pub mod vtu;
 

@@ -5,12 +5,14 @@
 
 mod bitmap;
 mod canvas;
+mod field;
 mod mesh_sheet;
 mod outline;
 mod sheet;
 mod svg;
 mod tiles;
 
+pub use field::{FieldCut, FieldPicture};
 pub use mesh_sheet::mesh_sheet;
 pub use outline::{Marks, Shot};
 pub use sheet::{Mark, Panel, Point, Series, Sheet};

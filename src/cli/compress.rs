@@ -1,0 +1,328 @@
+//! `grainrig compress`.
+
+use super::mesh::Unit;
+use super::output::{print, print_json, say};
+use super::{Common, usage};
+use crate::contact::experiment::{self, Compliance};
+use crate::contact::{CurvePoint, Loading, Material};
+use crate::daemon::{
+    CompressInput, CompressProgress, CompressResult, CompressSettings, Compression, OtherCurve, Placing,
+};
+use crate::export::{inp_read, msh, stl};
+use crate::session::Recording;
+use anyhow::{Context as _, Result, bail};
+use clap::Args;
+use std::path::{Path, PathBuf};
+
+/// Options of `compress`.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// A session, a mesh of tetrahedra (.inp, .msh) or a closed surface (.stl).
+    #[arg(required_unless_present_any = ["sphere_diameter_mm", "resume"])]
+    input: Option<PathBuf>,
+    /// A sphere of this diameter instead of an input, mm.
+    #[arg(long, value_name = "MM", conflicts_with = "input", allow_negative_numbers = true)]
+    sphere_diameter_mm: Option<f64>,
+    /// Unit of the file's numbers.
+    #[arg(long, value_enum, default_value_t = Unit::Mm)]
+    unit: Unit,
+    /// How the grain answers; plastic yields at --yield-mpa.
+    #[arg(long, value_enum, default_value_t = Kind::Elastic)]
+    material: Kind,
+    /// Young's modulus, MPa.
+    #[arg(long, value_name = "MPA", default_value_t = 100e3, allow_negative_numbers = true)]
+    young_mpa: f64,
+    /// Poisson's ratio.
+    #[arg(long, value_name = "NU", default_value_t = 0.22, allow_negative_numbers = true)]
+    poisson: f64,
+    /// Density, t/mm³.
+    #[arg(long, value_name = "RHO", default_value_t = 2.65e-9, allow_negative_numbers = true)]
+    density_t_mm3: f64,
+    /// Yield stress of a plastic grain, MPa.
+    #[arg(long, value_name = "MPA", default_value_t = 100.0, allow_negative_numbers = true)]
+    yield_mpa: f64,
+    /// Slope of the yield stress against the plastic strain, MPa.
+    #[arg(long, value_name = "MPA", default_value_t = 0.0, allow_negative_numbers = true)]
+    hardening_mpa: f64,
+    /// Coulomb's friction between plates and grain.
+    #[arg(long, value_name = "MU", default_value_t = 0.2, allow_negative_numbers = true)]
+    friction: f64,
+    /// Stop at this force, N; by default 10 N where no approach is given.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    to_force_n: Option<f64>,
+    /// Stop at this approach of the plates, mm.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    to_approach_mm: Option<f64>,
+    /// Largest circumradius of a surface facet, mm; by default a fourteenth of the diameter of a ball of
+    /// the grain's volume.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    size_mm: Option<f64>,
+    /// The same where the plates touch, mm; by default as fine as 120 000 tetrahedra allow, at most an 85th.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    size_at_contact_mm: Option<f64>,
+    /// Turn the grain about x, then y, then z (degrees) instead of letting it come to rest on the lower plate.
+    #[arg(long, value_name = "DEG", num_args = 3, allow_negative_numbers = true)]
+    rotate_deg: Option<Vec<f64>>,
+    /// Multiple of the usual speed of the plates.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, allow_negative_numbers = true)]
+    speed: f64,
+    /// Mass that may be added to the smallest elements, over the grain's.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.01, allow_negative_numbers = true)]
+    mass_scaling: f64,
+    /// A time step instead of nine tenths of the stable one, s.
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    time_step_s: Option<f64>,
+    /// The force at which the transition to a Hertzian response is read, N.
+    #[arg(long, value_name = "N", default_value_t = 2.0, allow_negative_numbers = true)]
+    transition_n: f64,
+    /// The laboratory's own test: a Bluehill export, drawn and compared.
+    #[arg(long, value_name = "FILE")]
+    experiment: Option<PathBuf>,
+    /// Compliance of the testing machine, µm/N, taken off the measured displacement.
+    #[arg(long, value_name = "UM_PER_N", conflicts_with = "plate_on_plate", allow_negative_numbers = true)]
+    compliance_um_per_n: Option<f64>,
+    /// A Bluehill export of plate on plate, which tells the machine's compliance.
+    #[arg(long, value_name = "FILE")]
+    plate_on_plate: Option<PathBuf>,
+    /// Other compressions (their folders) whose curves are drawn beside.
+    #[arg(long, value_name = "DIR", num_args = 1..)]
+    beside: Vec<PathBuf>,
+    /// The folder of the results; by default NAME-compressed here.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Go on with the interrupted compression of this folder; its own settings hold.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["input", "sphere_diameter_mm", "out"])]
+    resume: Option<PathBuf>,
+}
+
+/// How a grain answers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Kind {
+    /// Elastic.
+    Elastic,
+    /// Elastic, then perfectly plastic.
+    Plastic,
+}
+
+pub(super) fn run(common: &Common, a: &Arguments) -> Result<()> {
+    let others = others(a)?;
+    let stop = super::signals::stop_flag(
+        "stopping after the sample in hand; `grainrig compress --resume` goes on from there",
+    );
+    let bar = super::progress::percent("compressing");
+    let mut compression = if let Some(folder) = &a.resume {
+        Compression::resume(folder)?
+    } else {
+        let (input, out) = input(common, a)?;
+        let settings = settings(a)?;
+        let meshing = super::progress::percent("meshing");
+        let placing = Placing {
+            size_mm: a.size_mm,
+            size_at_contact_mm: a.size_at_contact_mm,
+            rotate_deg: a.rotate_deg.as_ref().map(|r| [r[0], r[1], r[2]]),
+        };
+        let made = Compression::begin(&out, &input, &placing, settings, &mut |d| {
+            meshing.set_position((100.0 * d) as u64);
+        });
+        meshing.finish_and_clear();
+        made?
+    };
+    let (elements, nodes, step_s) = compression.size();
+    say(format!("{elements} tetrahedra, {nodes} nodes, steps of {:.3} ns", 1e9 * step_s));
+    let mut said = 0u32;
+    let result = compression.run(&others, &stop, &mut |p| show(&bar, &mut said, &p));
+    bar.finish_and_clear();
+    let result = result?;
+    for w in &result.warnings {
+        say(format!("warning: {w}"));
+    }
+    if common.json {
+        return print_json(&result);
+    }
+    print(&told(&result))
+}
+
+/// The bar, or where nobody sees one a line for each twentieth of the way.
+fn show(bar: &indicatif::ProgressBar, said: &mut u32, p: &CompressProgress) {
+    let s = p.sample;
+    let left = p.left_s.map_or_else(String::new, |s| format!(", about {} s left", s.ceil()));
+    let line =
+        format!("{:.3} µm, {:.3} N, {} contacts{left}", 1e3 * s.approach_mm, s.force_n, s.touches.len());
+    bar.set_position((100.0 * p.done) as u64);
+    let twentieth = (20.0 * p.done) as u32;
+    if !bar.is_hidden() {
+        bar.set_message(line);
+    } else if twentieth > *said {
+        *said = twentieth;
+        say(format!("{:3.0} %: {line}", 100.0 * p.done));
+    }
+}
+
+fn settings(a: &Arguments) -> Result<CompressSettings> {
+    let positive = |name: &str, x: f64| {
+        if x.is_finite() && x > 0.0 { Ok(x) } else { Err(usage(format!("{name} {x}: it must be positive"))) }
+    };
+    let speed = positive("--speed", a.speed)?;
+    let usual = Loading::default();
+    let loading = Loading {
+        to_force_n: a.to_force_n.or(if a.to_approach_mm.is_none() { usual.to_force_n } else { None }),
+        to_approach_mm: a.to_approach_mm,
+        slowest: speed * usual.slowest,
+        fastest: speed * usual.fastest,
+        motion_share: (speed * speed * usual.motion_share).min(1.0),
+        mass_scaling: a.mass_scaling,
+        step_s: a.time_step_s,
+        ..usual
+    };
+    let material = Material {
+        young_mpa: a.young_mpa,
+        poisson: a.poisson,
+        density_t_mm3: a.density_t_mm3,
+        yield_mpa: (a.material == Kind::Plastic).then_some(a.yield_mpa),
+        hardening_mpa: a.hardening_mpa,
+    };
+    loading.check().map_err(usage)?;
+    material.check().map_err(usage)?;
+    for (name, value) in [("--size-mm", a.size_mm), ("--size-at-contact-mm", a.size_at_contact_mm)] {
+        value.map_or(Ok(1.0), |v| positive(name, v))?;
+    }
+    Ok(CompressSettings {
+        source: String::new(),
+        material,
+        friction: a.friction,
+        loading,
+        middle_mm: 0.0,
+        gap_mm: 0.0,
+        sphere_radius_mm: None,
+        placed_deg: [0.0; 3],
+        transition_n: positive("--transition-n", a.transition_n)?,
+    })
+}
+
+/// What is compressed, and the folder of the results.
+fn input(common: &Common, a: &Arguments) -> Result<(CompressInput, PathBuf)> {
+    let out = |name: &str| a.out.clone().unwrap_or_else(|| PathBuf::from(format!("{name}-compressed")));
+    if let Some(d) = a.sphere_diameter_mm {
+        if !(d.is_finite() && d > 0.0) {
+            return Err(usage(format!("--sphere-diameter-mm {d}: it must be positive, in mm")));
+        }
+        return Ok((CompressInput::Sphere(d), out("sphere")));
+    }
+    let Some(path) = &a.input else { bail!("no input") };
+    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
+    if ending == "stl" {
+        let surface = surface(path, a.unit)?;
+        return Ok((CompressInput::Surface(surface, path.display().to_string()), out(&name)));
+    }
+    if ending == "inp" || ending == "msh" {
+        let bytes =
+            std::fs::read(path).with_context(|| format!("cannot read {}; check the path", path.display()))?;
+        let read = if ending == "inp" { inp_read::read(&bytes) } else { msh::read(&bytes) };
+        let mut mesh = read.with_context(|| path.display().to_string())?;
+        mesh.nodes.iter_mut().for_each(|p| p.coords *= a.unit.in_mm());
+        if a.size_mm.is_some() || a.size_at_contact_mm.is_some() {
+            return Err(usage(
+                "--size-mm and --size-at-contact-mm go with a surface or a session; this file is a mesh already",
+            ));
+        }
+        return Ok((CompressInput::Mesh(mesh, path.display().to_string()), out(&name)));
+    }
+    let folder = super::session_folder(common, path)?;
+    let recording = Recording::read(&folder)?;
+    let product = recording.product_path("grain.stl")?;
+    let surface = surface(&product, Unit::Mm)
+        .with_context(|| "the session has no surface yet: `grainrig reconstruct` makes it".to_owned())?;
+    Ok((CompressInput::Surface(surface, format!("session {name}")), out(&name)))
+}
+
+fn surface(path: &Path, unit: Unit) -> Result<crate::geometry::TriangleMesh> {
+    let bytes =
+        std::fs::read(path).with_context(|| format!("cannot read {}; check the path", path.display()))?;
+    let mut surface = stl::read(&bytes).with_context(|| path.display().to_string())?;
+    surface.vertices.iter_mut().for_each(|p| p.coords *= unit.in_mm());
+    Ok(surface)
+}
+
+/// The curves to be drawn beside: the laboratory's, and those of other compressions.
+fn others(a: &Arguments) -> Result<Vec<OtherCurve>> {
+    let read = |path: &Path| -> Result<experiment::Experiment> {
+        let bytes =
+            std::fs::read(path).with_context(|| format!("cannot read {}; check the path", path.display()))?;
+        experiment::read(&bytes).with_context(|| path.display().to_string())
+    };
+    let mut out = Vec::new();
+    if let Some(path) = &a.experiment {
+        let compliance = match (&a.compliance_um_per_n, &a.plate_on_plate) {
+            (Some(c), _) => Compliance::given(*c).map_err(usage)?,
+            (None, Some(plates)) => {
+                Compliance::measured(&read(plates)?).with_context(|| plates.display().to_string())?
+            }
+            (None, None) => Compliance::none(),
+        };
+        let curve = read(path)?.curve(&compliance).with_context(|| path.display().to_string())?;
+        out.push(OtherCurve { name: "experiment".into(), points: curve, measured: true });
+    }
+    for folder in &a.beside {
+        let path = folder.join("result.json");
+        let bytes = std::fs::read(&path)
+            .with_context(|| format!("cannot read {}; check the path", path.display()))?;
+        let result: CompressResult = serde_json::from_slice(&bytes)
+            .with_context(|| format!("{} is no result of a compression", path.display()))?;
+        let plastic = result.settings.material.yield_mpa.is_some();
+        let name = if plastic { "elastic-plastic" } else { "elastic" };
+        let points: Vec<CurvePoint> = result.curve;
+        out.push(OtherCurve { name: name.into(), points, measured: false });
+    }
+    Ok(out)
+}
+
+/// What a person reads.
+fn told(r: &CompressResult) -> String {
+    let last = r.curve.last().copied().unwrap_or(CurvePoint { approach_mm: 0.0, force_n: 0.0 });
+    let mut lines = vec![
+        format!("grain      {}", r.settings.source),
+        format!("mesh       {} tetrahedra, {} nodes", r.elements, r.nodes),
+        format!(
+            "run        {} steps of {:.3} ns in {:.1} s, {:.2} % of mass added",
+            r.steps,
+            1e9 * r.step_s,
+            r.wall_s,
+            100.0 * r.added_mass
+        ),
+        format!("curve      {:.4} N at {:.3} µm of approach", last.force_n, 1e3 * last.approach_mm),
+    ];
+    if let Some(d) = r.delta_i_mm {
+        lines.push(format!("δ_i        {:.3} µm at {} N", 1e3 * d, r.settings.transition_n));
+    }
+    if let Some(h) = &r.hertz {
+        lines.push(format!(
+            "Hertz      E* = {:.0} MPa at half the height, or R = {:.4} mm at the material's E*; residual {:.3} N",
+            h.contact_modulus_mpa, h.radius_mm, h.residual_n
+        ));
+    }
+    if let Some(ratio) = r.over_two_plate_form {
+        lines.push(format!("form       {ratio:.4} of the two-plate form at the end"));
+    }
+    let e = &r.energy;
+    lines.push(format!(
+        "energy     plates' work {:.4e} N·mm, internal {:.4e}, kinetic {:.2e}; unaccounted {:.1e} of the work",
+        e.external, e.internal, e.kinetic, e.balance_error
+    ));
+    if let Some(q) = &r.quasi_static {
+        lines.push(format!(
+            "motion     at most {:.2} % of the internal energy, at {:.2} µm; above 5 % over {:.1} % of the approach",
+            100.0 * q.largest,
+            1e3 * q.at_mm,
+            100.0 * q.above_limit
+        ));
+    }
+    lines.push(format!(
+        "contacts   {} in all, {} at the end; the grain turned by {:.3}°",
+        r.contacts.len(),
+        r.contacts.iter().filter(|c| c.died_mm.is_none()).count(),
+        r.rotation_deg
+    ));
+    lines.push(format!("files      {}", r.files.join(", ")));
+    lines.join("\n") + "\n"
+}

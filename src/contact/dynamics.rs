@@ -1,0 +1,398 @@
+//! Central differences: a body between plates, step by step.
+//!
+//! ```text
+//!   x(n)  ──forces f(n)──▶  v(n+½) = v(n−½) + Δt (f(n)/m − α v(n−½)), plates hold  ──▶  x(n+1) = x(n) + Δt v(n+½)
+//! ```
+//!
+//! Forces of a chunk of elements go to places of its own, and each node adds what its chunks say in a fixed order; sums over
+//! nodes are made over blocks of a fixed size. So the same bits come out on any number of threads.
+
+use super::elastic::{self, Moduli};
+use super::lanes::{Lane, Node, W};
+use super::plastic::{self, Law, Memory, Since};
+use super::plates::{Closing, Plates, Reaction};
+use super::{Body, ContactError, Fields};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Nodes of a block.
+const BLOCK: usize = 1024;
+
+/// The energies, N·mm. What the plates put in is `external`; the rest is where it went.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Energy {
+    /// Work of the plates.
+    pub external: f64,
+    /// Of motion.
+    pub kinetic: f64,
+    /// Stored elastically.
+    pub stored: f64,
+    /// Taken by plastic flow.
+    pub plastic: f64,
+    /// Taken by bulk viscosity.
+    pub viscous: f64,
+    /// Taken by damping.
+    pub damping: f64,
+    /// Taken by friction.
+    pub friction: f64,
+    /// Lost by nodes that met a plate.
+    pub impact: f64,
+}
+
+impl Energy {
+    /// What the grain's inside holds or took: stored and plastic.
+    pub fn internal(&self) -> f64 {
+        self.stored + self.plastic
+    }
+
+    /// What went somewhere that is not accounted for, over the largest of what did: the plates' work, or the motion.
+    pub fn balance_error(&self) -> f64 {
+        let accounted =
+            self.kinetic + self.internal() + self.viscous + self.damping + self.friction + self.impact;
+        let size = self.external.abs().max(self.kinetic).max(self.internal());
+        if size > 0.0 { (self.external - accounted) / size } else { 0.0 }
+    }
+}
+
+/// How the grain moves as a whole.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Motion {
+    /// Centre of mass, mm.
+    pub center_mm: [f64; 3],
+    /// Momentum, t·mm/s.
+    pub momentum_n_s: [f64; 3],
+    /// Moment of momentum about the origin, t·mm²/s.
+    pub spin_n_mm_s: [f64; 3],
+}
+
+/// What the chunks remember from step to step.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct ChunkState {
+    /// Volume ratios at the last step.
+    pub volume_ratio: Vec<Lane>,
+    /// Nothing for an elastic material.
+    pub memory: Vec<Memory>,
+}
+
+/// What a chunk says of a step.
+#[derive(Debug, Clone, Copy, Default)]
+struct Told {
+    viscous: f64,
+    plastic: f64,
+    broken: Option<(usize, &'static str)>,
+}
+
+/// What a block of nodes says of a step.
+#[derive(Debug, Clone, Copy, Default)]
+struct Moved {
+    reaction: Reaction,
+    kinetic: f64,
+    damping: f64,
+}
+
+/// The state of a computation.
+#[derive(Debug, Clone)]
+pub struct Dynamics {
+    /// Mass-proportional damping α, 1/s.
+    pub damping_per_s: f64,
+    /// Steps done.
+    pub steps: u64,
+    /// The time, s.
+    pub time_s: f64,
+    pub(super) places: Vec<Node>,
+    pub(super) velocities: Vec<Node>,
+    pub(super) chunks: Vec<ChunkState>,
+    /// The step that led here, s; infinite before the first.
+    pub(super) last_step_s: f64,
+    /// Sums since the beginning; `kinetic` is of the last step, `stored` is not kept here.
+    pub(super) spent: Energy,
+    forces: Vec<Node>,
+    slots: Vec<Node>,
+    volumes: Vec<f64>,
+    pub(super) pressures: Vec<f64>,
+    told: Vec<Told>,
+    moved: Vec<Moved>,
+}
+
+impl Dynamics {
+    /// A body at rest, undeformed.
+    pub fn new(body: &Body) -> Self {
+        let plastic = Law::of(&body.material).is_some();
+        let chunks = (body.chunks.iter())
+            .map(|c| ChunkState {
+                volume_ratio: vec![[1.0; W]; c.batches.len()],
+                memory: if plastic { vec![Memory::default(); c.batches.len()] } else { Vec::new() },
+            })
+            .collect();
+        Self {
+            damping_per_s: 0.0,
+            steps: 0,
+            time_s: 0.0,
+            places: body.rest.clone(),
+            velocities: vec![[0.0; 3]; body.nodes()],
+            chunks,
+            last_step_s: f64::INFINITY,
+            spent: Energy::default(),
+            forces: vec![[0.0; 3]; body.nodes()],
+            slots: body.all_slots([0.0; 3]),
+            volumes: if plastic { body.all_slots(0.0) } else { Vec::new() },
+            pressures: if plastic { vec![0.0; body.nodes()] } else { Vec::new() },
+            told: vec![Told::default(); body.chunks.len()],
+            moved: vec![Moved::default(); body.nodes().div_ceil(BLOCK)],
+        }
+    }
+
+    /// Nodes' places in the order of computation, mm.
+    pub fn places(&self) -> &[[f64; 3]] {
+        &self.places
+    }
+
+    /// Nodes' velocities in the order of computation, mm/s.
+    pub fn velocities(&self) -> &[[f64; 3]] {
+        &self.velocities
+    }
+
+    /// Forces of the elements on the nodes at the beginning of the last step, N.
+    pub(super) fn forces(&self) -> &[Node] {
+        &self.forces
+    }
+
+    /// Puts the nodes somewhere, with velocities, as a test or an impact begins.
+    pub fn set(&mut self, places: Vec<[f64; 3]>, velocities: Vec<[f64; 3]>) {
+        assert!(places.len() == self.places.len() && velocities.len() == places.len());
+        self.places = places;
+        self.velocities = velocities;
+    }
+
+    /// The largest step that this body bears as it is deformed now, s. Costs as much as
+    /// about fifty steps.
+    pub fn stable_step_s(&self, body: &Body) -> f64 {
+        // Viscosity of the share b of critical damping in the highest mode asks for √(1+b²) − b of the step.
+        let b = super::body::BULK_VISCOSITY;
+        ((1.0 + b * b).sqrt() - b) * super::limit::body_s(body, &self.places)
+    }
+
+    /// One step. The plates move with these speeds (lower, upper; up is positive, mm/s).
+    ///
+    /// # Errors
+    /// [`ContactError::Broken`] where an element is inside out or no number; then the state is of no use.
+    pub fn step(
+        &mut self,
+        body: &Body,
+        plates: &mut Plates,
+        speed_mm_s: [f64; 2],
+        step_s: f64,
+    ) -> Result<Reaction, ContactError> {
+        match Law::of(&body.material) {
+            None => self.elastic_forces(body),
+            Some(law) => self.plastic_forces(body, &law),
+        }
+        let mut viscous = 0.0;
+        let mut plastic = 0.0;
+        for told in &self.told {
+            if let Some((element, what)) = told.broken {
+                let element = body.mesh_element(element);
+                return Err(ContactError::Broken { element, what, time_s: self.time_s, step: self.steps });
+            }
+            viscous += told.viscous;
+            plastic += told.plastic;
+        }
+        plates.lower_mm += step_s * speed_mm_s[0];
+        plates.upper_mm += step_s * speed_mm_s[1];
+        let closing = Closing {
+            lower_mm: plates.lower_mm,
+            upper_mm: plates.upper_mm,
+            speed_mm_s,
+            friction: plates.friction,
+            step_s,
+        };
+        self.advance(body, &closing);
+        let mut reaction = Reaction::default();
+        let (mut kinetic, mut damping) = (0.0, 0.0);
+        for moved in &self.moved {
+            reaction.add(&moved.reaction);
+            kinetic += moved.kinetic;
+            damping += moved.damping;
+        }
+        let spent = &mut self.spent;
+        spent.external += reaction.lower_n_s[2] * speed_mm_s[0] + reaction.upper_n_s[2] * speed_mm_s[1];
+        spent.kinetic = kinetic;
+        spent.plastic += plastic;
+        spent.viscous += viscous;
+        spent.damping += damping;
+        spent.friction += reaction.friction_n_mm;
+        spent.impact += reaction.impact_n_mm;
+        self.last_step_s = step_s;
+        self.time_s += step_s;
+        self.steps += 1;
+        Ok(reaction)
+    }
+
+    fn elastic_forces(&mut self, body: &Body) {
+        let moduli = Moduli::from(&body.material);
+        let (places, step_s) = (&self.places, self.last_step_s);
+        (body.chunks.par_iter())
+            .zip(self.chunks.par_iter_mut())
+            .zip(self.slots.par_chunks_mut(body.stride))
+            .zip(self.told.par_iter_mut())
+            .for_each_init(Vec::new, |local, (((chunk, state), slots), told)| {
+                chunk.fetch(places, local);
+                slots[..chunk.nodes.len()].fill([0.0; 3]);
+                *told = Told::default();
+                for (b, batch) in chunk.batches.iter().enumerate() {
+                    let before = &mut state.volume_ratio[b];
+                    let said = elastic::forces::<true>(&moduli, batch, local, before, step_s, slots);
+                    told.viscous += said.viscous_n_mm;
+                    told.look(&said.volume_ratio, chunk.first + b * W);
+                }
+            });
+    }
+
+    fn plastic_forces(&mut self, body: &Body, law: &Law) {
+        let (places, velocities, step_s) = (&self.places, &self.velocities, self.last_step_s);
+        // Before the first step nothing has moved yet.
+        let back_s = if step_s.is_finite() { 0.5 * step_s } else { 0.0 };
+        (body.chunks.par_iter()).zip(self.volumes.par_chunks_mut(body.stride)).for_each_init(
+            Vec::new,
+            |local, (chunk, volumes)| {
+                chunk.fetch(places, local);
+                volumes[..chunk.nodes.len()].fill(0.0);
+                chunk.batches.iter().for_each(|batch| plastic::volumes(batch, local, volumes));
+            },
+        );
+        let volumes = &self.volumes;
+        self.pressures.par_iter_mut().enumerate().with_min_len(BLOCK).for_each(|(n, pressure)| {
+            let places = &body.slots[body.slot_starts[n] as usize..body.slot_starts[n + 1] as usize];
+            let ratio = places.iter().map(|&s| volumes[s as usize]).sum::<f64>() / body.volume[n];
+            *pressure = law.bulk * ratio.ln() / ratio;
+        });
+        let pressures = &self.pressures;
+        (body.chunks.par_iter())
+            .zip(self.chunks.par_iter_mut())
+            .zip(self.slots.par_chunks_mut(body.stride))
+            .zip(self.told.par_iter_mut())
+            .for_each_init(
+                || (Vec::new(), Vec::new(), Vec::new()),
+                |(local, middle, pressure), (((chunk, state), slots), told)| {
+                    chunk.fetch(places, local);
+                    middle.clear();
+                    middle.extend(chunk.nodes.iter().map(|&n| {
+                        let (x, v) = (places[n as usize], velocities[n as usize]);
+                        [0, 1, 2].map(|k| x[k] - back_s * v[k])
+                    }));
+                    pressure.clear();
+                    pressure.extend(chunk.nodes.iter().map(|&n| pressures[n as usize]));
+                    slots[..chunk.nodes.len()].fill([0.0; 3]);
+                    *told = Told::default();
+                    let since = Since { middle, step_s };
+                    for (b, batch) in chunk.batches.iter().enumerate() {
+                        let (before, memory) = (&mut state.volume_ratio[b], &mut state.memory[b]);
+                        let (said, flowed) =
+                            plastic::forces(law, batch, local, &since, pressure, before, memory, slots);
+                        told.viscous += said.viscous_n_mm;
+                        told.plastic += flowed;
+                        told.look(&said.volume_ratio, chunk.first + b * W);
+                    }
+                },
+            );
+    }
+
+    fn advance(&mut self, body: &Body, closing: &Closing) {
+        let (slots, alpha, dt) = (&self.slots, self.damping_per_s, closing.step_s);
+        (self.places.par_chunks_mut(BLOCK))
+            .zip(self.velocities.par_chunks_mut(BLOCK))
+            .zip(self.forces.par_chunks_mut(BLOCK))
+            .zip(self.moved.par_iter_mut())
+            .enumerate()
+            .for_each(|(block, (((places, velocities), forces), moved))| {
+                *moved = Moved::default();
+                for i in 0..places.len() {
+                    let n = block * BLOCK + i;
+                    let f = body.gathered(n, slots);
+                    let mass = body.mass[n];
+                    let before = velocities[i];
+                    let mut v = [0, 1, 2].map(|k| before[k] * (1.0 - alpha * dt) + dt / mass * f[k]);
+                    closing.hold(&places[i], &before, mass, &mut v, &mut moved.reaction);
+                    for k in 0..3 {
+                        places[i][k] += dt * v[k];
+                        moved.kinetic += 0.5 * mass * v[k] * v[k];
+                        moved.damping += 0.5 * alpha * dt * mass * before[k] * (before[k] + v[k]);
+                    }
+                    velocities[i] = v;
+                    forces[i] = f;
+                }
+            });
+    }
+
+    /// The energies now. Costs about as much as a step.
+    pub fn energy(&self, body: &Body) -> Energy {
+        let stored = match Law::of(&body.material) {
+            None => body.elastic_energy(&self.places),
+            Some(law) => {
+                let deviatoric: Vec<f64> = (body.chunks.par_iter())
+                    .zip(&self.chunks)
+                    .map(|(chunk, state)| {
+                        (chunk.batches.iter().zip(&state.memory).zip(&state.volume_ratio))
+                            .map(|((b, m), j)| plastic::energy(&law, b, m, j))
+                            .sum()
+                    })
+                    .collect();
+                let spherical: f64 = (0..body.nodes())
+                    .map(|n| {
+                        let places =
+                            &body.slots[body.slot_starts[n] as usize..body.slot_starts[n + 1] as usize];
+                        let volume: f64 = places.iter().map(|&s| self.volumes[s as usize]).sum();
+                        let ratio = if self.steps == 0 { 1.0 } else { volume / body.volume[n] };
+                        0.5 * law.bulk * body.volume[n] * ratio.ln().powi(2)
+                    })
+                    .sum();
+                deviatoric.iter().sum::<f64>() + spherical
+            }
+        };
+        Energy { stored, ..self.spent }
+    }
+
+    /// Memory that the state takes, bytes.
+    pub fn bytes(&self) -> usize {
+        let of = |c: &ChunkState| size_of_val(c.volume_ratio.as_slice()) + size_of_val(c.memory.as_slice());
+        let chunks = self.chunks.iter().map(of).sum::<usize>();
+        // Of a node: place, velocity, force, pressure.
+        chunks + 24 * self.slots.len() + 8 * self.volumes.len() + 80 * self.places.len()
+    }
+
+    /// Stresses and plastic strains of the elements now.
+    pub fn fields(&self, body: &Body) -> Fields {
+        super::fields::fields(body, self)
+    }
+
+    /// How the grain moves as a whole now.
+    pub fn motion(&self, body: &Body) -> Motion {
+        let mut motion = Motion { center_mm: [0.0; 3], momentum_n_s: [0.0; 3], spin_n_mm_s: [0.0; 3] };
+        let mut total = 0.0;
+        for ((x, v), m) in self.places.iter().zip(&self.velocities).zip(&body.mass) {
+            total += m;
+            for k in 0..3 {
+                motion.center_mm[k] += m * x[k];
+                motion.momentum_n_s[k] += m * v[k];
+                let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+                motion.spin_n_mm_s[k] += m * (x[i] * v[j] - x[j] * v[i]);
+            }
+        }
+        motion.center_mm = motion.center_mm.map(|c| c / total);
+        motion
+    }
+}
+
+impl Told {
+    /// Notes the first element whose volume is not positive.
+    #[inline]
+    fn look(&mut self, volume_ratio: &Lane, first: usize) {
+        if volume_ratio.iter().all(|j| *j > 0.0 && *j < f64::INFINITY) || self.broken.is_some() {
+            return;
+        }
+        if let Some(l) = volume_ratio.iter().position(|j| !(*j > 0.0 && *j < f64::INFINITY)) {
+            let what = if volume_ratio[l] <= 0.0 { "is inside out" } else { "is no number" };
+            self.broken = Some((first + l, what));
+        }
+    }
+}

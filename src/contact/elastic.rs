@@ -1,0 +1,107 @@
+//! The elastic element: Hooke's law where strains are small, a compressible neo-Hookean solid where they are not.
+//!
+//! The energy per volume is `μ/2 (tr FᵀF − 3) − μ ln J + λ/2 (ln J)²` (Simo and Pister, Comput. Meth. Appl. Mech. Engng 46, 201,
+//! 1984), the stress (first Piola–Kirchhoff) `P = μ (F − F⁻ᵀ) + λ ln J F⁻ᵀ`. Being total it neither drifts nor remembers a path;
+//! a rotation leaves it without stress, whatever its size; no volume can be pressed to nothing. Unlike the law of St. Venant
+//! and Kirchhoff it does not soften in compression, which matters under a contact, where the strain reaches a fifth: in one
+//! direction it answers between a nominal stress in proportion to the stretch and Hencky's law.
+
+use super::Material;
+use super::lanes::{
+    Batch, Lane, Matrices, Matrix, Node, W, cofactors, edges, gradients, pick, put, scatter, sum,
+};
+
+/// Lamé's parameters, MPa.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Moduli {
+    pub lambda: f64,
+    pub shear: f64,
+}
+
+impl From<&Material> for Moduli {
+    fn from(material: &Material) -> Self {
+        Self { lambda: material.lambda_mpa(), shear: material.shear_mpa() }
+    }
+}
+
+/// What a batch says beside its forces.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Said {
+    /// Volume over that in the mesh.
+    pub volume_ratio: Lane,
+    /// What bulk viscosity took, N·mm.
+    pub viscous_n_mm: f64,
+}
+
+/// Cofactors and determinants of deformation gradients.
+#[inline(always)]
+fn all_cofactors(f: &Matrices) -> (Matrices, Lane) {
+    let mut cofactor = [[0.0; W]; 9];
+    let mut determinant = [0.0; W];
+    for l in 0..W {
+        let (c, d) = cofactors(&pick(f, l));
+        put(&mut cofactor, l, &c);
+        determinant[l] = d;
+    }
+    (cofactor, determinant)
+}
+
+/// Adds the forces of a batch. With `VISCOUS` the change of the volume since `before` over `step_s` is resisted, and
+/// `before` becomes what is now.
+#[inline(always)]
+pub(super) fn forces<const VISCOUS: bool>(
+    moduli: &Moduli,
+    batch: &Batch,
+    places: &[Node],
+    before: &mut Lane,
+    step_s: f64,
+    out: &mut [Node],
+) -> Said {
+    let f = gradients(batch, &edges(batch, places));
+    let (cofactor, determinant) = all_cofactors(&f);
+    let log = determinant.map(f64::ln);
+    let mut stress = [[0.0; W]; 9];
+    let mut viscous = [0.0; W];
+    for l in 0..W {
+        let mut spherical = (moduli.lambda * log[l] - moduli.shear) / determinant[l];
+        if VISCOUS {
+            let grown = determinant[l] - before[l];
+            let q = batch.viscosity[l] * grown / (step_s * determinant[l]);
+            spherical += q;
+            viscous[l] = q * grown * batch.volume[l];
+            before[l] = determinant[l];
+        }
+        for k in 0..9 {
+            stress[k][l] = moduli.shear * f[k][l] + spherical * cofactor[k][l];
+        }
+    }
+    scatter(batch, &stress, out);
+    Said { volume_ratio: determinant, viscous_n_mm: if VISCOUS { sum(&viscous) } else { 0.0 } }
+}
+
+/// The energy stored in a batch, N·mm.
+pub(super) fn energy(moduli: &Moduli, batch: &Batch, places: &[Node]) -> f64 {
+    let f = gradients(batch, &edges(batch, places));
+    let (_, determinant) = all_cofactors(&f);
+    (0..W)
+        .map(|l| {
+            let mut square = -3.0;
+            for k in 0..9 {
+                square += f[k][l] * f[k][l];
+            }
+            let log = determinant[l].ln();
+            let shear = moduli.shear * (0.5 * square - log);
+            batch.volume[l] * (shear + 0.5 * moduli.lambda * log * log)
+        })
+        .sum()
+}
+
+/// Cauchy's stress for F, MPa.
+pub(super) fn cauchy(moduli: &Moduli, f: &Matrix) -> Matrix {
+    let (_, determinant) = cofactors(f);
+    let mut s = super::lanes::times_transposed(f, f).map(|x| moduli.shear * x);
+    for k in [0, 4, 8] {
+        s[k] += moduli.lambda * determinant.ln() - moduli.shear;
+    }
+    s.map(|x| x / determinant)
+}

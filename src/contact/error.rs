@@ -1,0 +1,93 @@
+//! What can go wrong between the plates.
+
+use crate::mesh::TetFault;
+
+/// Why a grain cannot be compressed, or no further.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ContactError {
+    /// A setting outside its limits.
+    #[error("{name} = {value} {unit}: it must be {limit}; {remedy}")]
+    Setting {
+        /// The setting.
+        name: &'static str,
+        /// What was given.
+        value: f64,
+        /// Its unit.
+        unit: &'static str,
+        /// What it must be.
+        limit: &'static str,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// The mesh cannot be computed with.
+    #[error("the mesh cannot be compressed: {0}; mesh the body again, or repair the file's elements")]
+    Mesh(#[from] TetFault),
+    /// The mesh is in several pieces that nothing joins.
+    #[error(
+        "the mesh has {pieces} pieces that share no node (the smaller ones have {detached} of {elements} tetrahedra): a \
+         grain is one piece; leave out what is detached"
+    )]
+    Detached {
+        /// How many pieces.
+        pieces: usize,
+        /// Tetrahedra that are not in the largest.
+        detached: usize,
+        /// All tetrahedra.
+        elements: usize,
+    },
+    /// A body whose size is no grain's.
+    #[error(
+        "the body is {size_mm:.3e} mm long, which is no grain's size ({least} to {most} mm): the file's numbers seem to be \
+         {guess}; scale them to mm"
+    )]
+    Size {
+        /// The longest side of its box, mm.
+        size_mm: f64,
+        /// The least that is taken, mm.
+        least: f64,
+        /// The most that is taken, mm.
+        most: f64,
+        /// What the numbers seem to be.
+        guess: &'static str,
+    },
+    /// The plates do not meet the body.
+    #[error(
+        "the plates at z = {lower_mm} and {upper_mm} mm miss the grain, which reaches from {bottom_mm} to {top_mm} mm; put \
+         them at its ends"
+    )]
+    Missed {
+        /// The lower plate's height, mm.
+        lower_mm: f64,
+        /// The upper plate's height, mm.
+        upper_mm: f64,
+        /// The grain's lowest point, mm.
+        bottom_mm: f64,
+        /// Its highest point, mm.
+        top_mm: f64,
+    },
+    /// A time step beyond the stable one.
+    #[error(
+        "a time step of {asked_s:.3e} s is above the stable one of {stable_s:.3e} s; leave it out, or let mass scaling raise it"
+    )]
+    Unstable {
+        /// What was asked for, s.
+        asked_s: f64,
+        /// What central differences bear, s.
+        stable_s: f64,
+    },
+    /// An element turned inside out or became no number.
+    #[error(
+        "element {element} {what} at t = {time_s:.6e} s (step {step}); the last good state is kept: use a finer mesh there, a \
+         lower speed, or stop at a smaller approach"
+    )]
+    Broken {
+        /// The element's number in the mesh, from 0.
+        element: usize,
+        /// What became of it.
+        what: &'static str,
+        /// When, s.
+        time_s: f64,
+        /// In which step.
+        step: u64,
+    },
+}

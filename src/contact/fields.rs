@@ -1,0 +1,85 @@
+//! Stresses and strains of the elements, for pictures and files.
+
+use super::elastic::{self, Moduli};
+use super::lanes::{W, edges, gradients, pick, rotations, times, times_transposed};
+use super::plastic::Law;
+use super::{Body, Dynamics};
+use nalgebra::{Matrix3, SymmetricEigen};
+use rayon::prelude::*;
+
+/// What is known of each tetrahedron of the mesh, in the mesh's order.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Fields {
+    /// Cauchy's stress: xx, yy, zz, yz, xz, xy, MPa; tension is positive.
+    pub stress_mpa: Vec<[f64; 6]>,
+    /// Equivalent plastic strain; nought where the material is elastic.
+    pub plastic_strain: Vec<f64>,
+}
+
+impl Fields {
+    /// Von Mises' equivalent stress of each tetrahedron, MPa.
+    pub fn mises_mpa(&self) -> Vec<f64> {
+        self.stress_mpa.iter().map(mises).collect()
+    }
+
+    /// The least principal stress (the greatest pressure is the most negative) of each tetrahedron, MPa.
+    pub fn least_principal_mpa(&self) -> Vec<f64> {
+        (self.stress_mpa.par_iter())
+            .map(|s| {
+                let m = Matrix3::new(s[0], s[5], s[4], s[5], s[1], s[3], s[4], s[3], s[2]);
+                SymmetricEigen::new(m).eigenvalues.min()
+            })
+            .collect()
+    }
+}
+
+fn mises(s: &[f64; 6]) -> f64 {
+    let mean = (s[0] + s[1] + s[2]) / 3.0;
+    let (a, b, c) = (s[0] - mean, s[1] - mean, s[2] - mean);
+    (1.5 * (a * a + b * b + c * c) + 3.0 * (s[3] * s[3] + s[4] * s[4] + s[5] * s[5])).sqrt()
+}
+
+/// The stresses and strains now.
+pub(super) fn fields(body: &Body, dynamics: &Dynamics) -> Fields {
+    let moduli = Moduli::from(&body.material);
+    let law = Law::of(&body.material);
+    let parts: Vec<Vec<([f64; 6], f64)>> = (body.chunks.par_iter())
+        .zip(&dynamics.chunks)
+        .map_init(Vec::new, |local, (chunk, state)| {
+            chunk.fetch(&dynamics.places, local);
+            let mut out = Vec::with_capacity(chunk.count);
+            for (b, batch) in chunk.batches.iter().enumerate() {
+                let f = gradients(batch, &edges(batch, local));
+                let (r, _, _) = rotations(&f);
+                for l in 0..W.min(chunk.count - b * W) {
+                    let (fm, rm) = (pick(&f, l), pick(&r, l));
+                    let mut strain = 0.0;
+                    let s = if law.is_some() {
+                        let memory = &state.memory[b];
+                        strain = memory.strain[l];
+                        let s = memory.deviator.map(|s| s[l]);
+                        let own = [s[0], s[5], s[4], s[5], s[1], s[3], s[4], s[3], s[2]];
+                        let mut turned = times_transposed(&times(&rm, &own), &rm);
+                        let node = |k: usize| chunk.nodes[batch.nodes[k][l] as usize] as usize;
+                        let pressure = (0..4).map(|k| dynamics.pressures[node(k)]).sum::<f64>() / 4.0;
+                        for k in [0, 4, 8] {
+                            turned[k] += pressure;
+                        }
+                        turned
+                    } else {
+                        elastic::cauchy(&moduli, &fm)
+                    };
+                    out.push(([s[0], s[4], s[8], s[5], s[2], s[1]], strain));
+                }
+            }
+            out
+        })
+        .collect();
+    let mut fields =
+        Fields { stress_mpa: vec![[0.0; 6]; body.elements()], plastic_strain: vec![0.0; body.elements()] };
+    for (e, (stress, strain)) in parts.into_iter().flatten().enumerate() {
+        fields.stress_mpa[body.mesh_element(e)] = stress;
+        fields.plastic_strain[body.mesh_element(e)] = strain;
+    }
+    fields
+}

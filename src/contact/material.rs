@@ -1,0 +1,134 @@
+//! What the grain is made of.
+
+use super::ContactError;
+use serde::{Deserialize, Serialize};
+
+/// Above this Poisson's ratio a four-node tetrahedron with a pressure of its own locks, and the time step goes to
+/// nought with the bulk wave.
+const MOST_POISSON: f64 = 0.495;
+
+/// An isotropic material: elastic, or elastic and then plastic by von Mises' criterion.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Material {
+    /// Young's modulus E, MPa.
+    pub young_mpa: f64,
+    /// Poisson's ratio ν.
+    pub poisson: f64,
+    /// Density ρ, t/mm³ (quartz: 2.65e-9).
+    pub density_t_mm3: f64,
+    /// Yield stress Y in uniaxial tension, MPa; none for an elastic material.
+    pub yield_mpa: Option<f64>,
+    /// Slope of the yield stress against the equivalent plastic strain, MPa; 0 is perfect plasticity.
+    pub hardening_mpa: f64,
+}
+
+impl Default for Material {
+    /// The elastic grain of Nadimi and Fonseca (2017): E = 100 GPa, ν = 0.22, and quartz' density.
+    fn default() -> Self {
+        Self { young_mpa: 100e3, poisson: 0.22, density_t_mm3: 2.65e-9, yield_mpa: None, hardening_mpa: 0.0 }
+    }
+}
+
+impl Material {
+    /// Lamé's first parameter λ, MPa.
+    pub fn lambda_mpa(&self) -> f64 {
+        self.young_mpa * self.poisson / ((1.0 + self.poisson) * (1.0 - 2.0 * self.poisson))
+    }
+
+    /// The shear modulus μ, MPa.
+    pub fn shear_mpa(&self) -> f64 {
+        0.5 * self.young_mpa / (1.0 + self.poisson)
+    }
+
+    /// The bulk modulus κ, MPa.
+    pub fn bulk_mpa(&self) -> f64 {
+        self.young_mpa / (3.0 * (1.0 - 2.0 * self.poisson))
+    }
+
+    /// The modulus against a rigid partner, E* = E/(1−ν²), MPa.
+    pub fn contact_modulus_mpa(&self) -> f64 {
+        self.young_mpa / (1.0 - self.poisson * self.poisson)
+    }
+
+    /// The speed of pressure waves in the bulk, mm/s.
+    pub fn pressure_wave_mm_s(&self) -> f64 {
+        ((self.lambda_mpa() + 2.0 * self.shear_mpa()) / self.density_t_mm3).sqrt()
+    }
+
+    /// The speed of shear waves, mm/s.
+    pub fn shear_wave_mm_s(&self) -> f64 {
+        (self.shear_mpa() / self.density_t_mm3).sqrt()
+    }
+
+    /// Whether such a material can be computed.
+    ///
+    /// # Errors
+    /// [`ContactError::Setting`] for a modulus, density or yield stress that is not positive and finite, a Poisson's ratio
+    /// outside (−1, 0.495), hardening that is negative.
+    pub fn check(&self) -> Result<(), ContactError> {
+        let positive = |x: f64| x.is_finite() && x > 0.0;
+        let bad = |name, value, unit, limit, remedy| {
+            Err(ContactError::Setting { name, value, unit, limit, remedy })
+        };
+        if !positive(self.young_mpa) {
+            return bad(
+                "young_mpa",
+                self.young_mpa,
+                "MPa",
+                "positive and finite",
+                "quartz has about 100000 MPa",
+            );
+        }
+        if !(self.poisson > -1.0 && self.poisson < MOST_POISSON) {
+            let remedy =
+                "quartz has about 0.22; 0.5 and above is no material, just below it nothing is compressed";
+            return bad("poisson", self.poisson, "", "above -1 and below 0.495", remedy);
+        }
+        if !positive(self.density_t_mm3) || self.density_t_mm3 > 1e-6 {
+            let remedy = "it is in tonnes per mm³: quartz, 2650 kg/m³, has 2.65e-9";
+            return bad("density_t_mm3", self.density_t_mm3, "t/mm³", "positive and at most 1e-6", remedy);
+        }
+        if let Some(y) = self.yield_mpa
+            && !positive(y)
+        {
+            return bad("yield_mpa", y, "MPa", "positive and finite", "leave it out for an elastic material");
+        }
+        if !(self.hardening_mpa >= 0.0 && self.hardening_mpa.is_finite()) {
+            let remedy = "0 is perfect plasticity";
+            return bad("hardening_mpa", self.hardening_mpa, "MPa", "not negative, and finite", remedy);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_moduli_are_those_of_hooke() {
+        let m = Material::default();
+        assert!((m.bulk_mpa() - (m.lambda_mpa() + 2.0 / 3.0 * m.shear_mpa())).abs() < 1e-9);
+        assert!((m.contact_modulus_mpa() - 105_086.0).abs() < 1.0);
+        assert!((m.pressure_wave_mm_s() / 6.564e6 - 1.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn what_is_no_material_is_refused_by_name() {
+        let good = Material::default();
+        assert_eq!(good.check(), Ok(()));
+        for (bad, name) in [
+            (Material { poisson: 0.5, ..good }, "poisson"),
+            (Material { poisson: f64::NAN, ..good }, "poisson"),
+            (Material { yield_mpa: Some(0.0), ..good }, "yield_mpa"),
+            (Material { yield_mpa: Some(-1.0), ..good }, "yield_mpa"),
+            (Material { density_t_mm3: 2650.0, ..good }, "density_t_mm3"),
+            (Material { young_mpa: -1.0, ..good }, "young_mpa"),
+            (Material { hardening_mpa: -1.0, ..good }, "hardening_mpa"),
+        ] {
+            let text = bad.check().unwrap_err().to_string();
+            assert!(text.starts_with(name), "{text}");
+        }
+    }
+}

@@ -1,0 +1,47 @@
+//! A grain pressed between two rigid plates: explicit dynamics, contact, and what is read off.
+//!
+//! Units are those of Abaqus decks: mm, N, MPa, tonne, s. The plates are level; z is up.
+//!
+//! - [`Material`], and closed forms for spheres to hold results against ([`hertz`]).
+//! - [`Body`]: the mesh in the order and the batches in which it is computed, its masses, its internal forces.
+//! - [`limit`]: the largest time step that central differences bear.
+//! - [`Dynamics`]: the step itself, with plates, friction and damping, and every term of the energy balance.
+
+// The kernels of lanes.rs, elastic.rs and plastic.rs must be one straight piece of code for the compiler to work on several
+// elements at once, and their loops run over the same place of several arrays.
+#![allow(clippy::inline_always, clippy::needless_range_loop)]
+
+mod body;
+mod dynamics;
+mod elastic;
+mod error;
+pub mod experiment;
+mod fields;
+pub mod hertz;
+mod lanes;
+pub mod limit;
+mod material;
+mod order;
+mod plastic;
+mod plates;
+mod press;
+mod readoff;
+pub mod rest;
+mod section;
+mod state;
+mod touch;
+
+pub use body::Body;
+pub use dynamics::{Dynamics, Energy, Motion};
+pub use error::ContactError;
+pub use fields::Fields;
+pub use material::Material;
+pub use plates::{Plates, Reaction};
+pub use press::{Loading, Press, Sample};
+pub use readoff::{
+    Agreement, CurvePoint, HertzFit, QUASI_STATIC, QuasiStatic, agreement, fit_hertz, quasi_static,
+    transition_mm,
+};
+pub use section::section;
+pub use state::StateError;
+pub use touch::{Contact, Plate, Touch};

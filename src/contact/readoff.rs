@@ -1,0 +1,198 @@
+//! What is read off a compression: the transition to a Hertzian response, Hertz' parameters after it, agreement with a test.
+
+use super::{Material, Sample};
+use serde::{Deserialize, Serialize};
+
+/// A point of a curve of force against the approach of the plates.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct CurvePoint {
+    /// The approach of the plates, mm.
+    pub approach_mm: f64,
+    /// The force, N.
+    pub force_n: f64,
+}
+
+impl From<&Sample> for CurvePoint {
+    fn from(s: &Sample) -> Self {
+        Self { approach_mm: s.approach_mm, force_n: s.force_n }
+    }
+}
+
+/// The approach `δ_i` at which the force passes `force_n` for the last time on its way up, mm: Nadimi and Fonseca (2017) read
+/// the transition to a Hertzian response at 2 N. None where the force never gets there, or starts above.
+pub fn transition_mm(curve: &[CurvePoint], force_n: f64) -> Option<f64> {
+    let pair = curve.windows(2).rfind(|w| w[0].force_n < force_n && w[1].force_n >= force_n)?;
+    let part = (force_n - pair[0].force_n) / (pair[1].force_n - pair[0].force_n);
+    Some(pair[0].approach_mm + part * (pair[1].approach_mm - pair[0].approach_mm))
+}
+
+/// Hertz' law fitted to a curve: F = 4/3 E* √R ((δ−δ₀)/2)^(3/2), a contact at each plate.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct HertzFit {
+    /// Where the law's force would be nought, mm of the plates' approach.
+    pub origin_mm: f64,
+    /// E* of a sphere as high as the grain that follows the law, MPa.
+    pub contact_modulus_mpa: f64,
+    /// Radius of a sphere of the grain's material that follows the law, mm.
+    pub radius_mm: f64,
+    /// Root mean square of the force's difference from the law, N.
+    pub residual_n: f64,
+    /// How many points it rests on.
+    pub points: usize,
+}
+
+/// Fits Hertz' law to the points from `δ_i` on: F^(2/3) is a straight line in δ. `height_mm` is the grain's between the plates.
+/// None with fewer than five points, or where the force does not rise.
+pub fn fit_hertz(
+    curve: &[CurvePoint],
+    from_mm: f64,
+    material: &Material,
+    height_mm: f64,
+) -> Option<HertzFit> {
+    let used: Vec<&CurvePoint> =
+        curve.iter().filter(|p| p.approach_mm >= from_mm && p.force_n > 0.0).collect();
+    if used.len() < 5 {
+        return None;
+    }
+    let n = used.len() as f64;
+    let y = |p: &CurvePoint| p.force_n.powf(2.0 / 3.0);
+    let (mx, my) =
+        (used.iter().map(|p| p.approach_mm).sum::<f64>() / n, used.iter().map(|p| y(p)).sum::<f64>() / n);
+    let sxx: f64 = used.iter().map(|p| (p.approach_mm - mx).powi(2)).sum();
+    let sxy: f64 = used.iter().map(|p| (p.approach_mm - mx) * (y(p) - my)).sum();
+    let slope = sxy / sxx;
+    if !(slope.is_finite() && slope > 0.0) {
+        return None;
+    }
+    let origin_mm = mx - my / slope;
+    // F = k (δ−δ₀)^(3/2) with k = 4/3 E* √R / 2^(3/2).
+    let k = slope.powf(1.5);
+    let product = 0.75 * k * 2f64.powf(1.5);
+    let square: f64 =
+        used.iter().map(|p| (p.force_n - k * (p.approach_mm - origin_mm).max(0.0).powf(1.5)).powi(2)).sum();
+    Some(HertzFit {
+        origin_mm,
+        contact_modulus_mpa: product / (0.5 * height_mm).sqrt(),
+        radius_mm: (product / material.contact_modulus_mpa()).powi(2),
+        residual_n: (square / n).sqrt(),
+        points: used.len(),
+    })
+}
+
+/// How well a computed curve agrees with a measured one.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Agreement {
+    /// Root mean square of the difference of the forces, N.
+    pub rms_n: f64,
+    /// The same over the largest measured force.
+    pub relative: f64,
+    /// Coefficient of determination: 1 is the same curve, 0 no better than the measured mean.
+    pub determination: f64,
+    /// Measured points that lie within the computed curve's reach.
+    pub points: usize,
+}
+
+/// Compares a computed curve with a measured one at the measured approaches both have. None where fewer than two are common.
+pub fn agreement(computed: &[CurvePoint], measured: &[CurvePoint]) -> Option<Agreement> {
+    let pairs: Vec<(f64, f64)> = measured
+        .iter()
+        .filter_map(|m| {
+            let w = computed
+                .windows(2)
+                .find(|w| w[0].approach_mm <= m.approach_mm && m.approach_mm < w[1].approach_mm)?;
+            let part = (m.approach_mm - w[0].approach_mm) / (w[1].approach_mm - w[0].approach_mm);
+            Some((w[0].force_n + part * (w[1].force_n - w[0].force_n), m.force_n))
+        })
+        .collect();
+    if pairs.len() < 2 {
+        return None;
+    }
+    let n = pairs.len() as f64;
+    let mean = pairs.iter().map(|p| p.1).sum::<f64>() / n;
+    let off: f64 = pairs.iter().map(|(c, m)| (c - m).powi(2)).sum();
+    let spread: f64 = pairs.iter().map(|(_, m)| (m - mean).powi(2)).sum();
+    let most = pairs.iter().map(|p| p.1.abs()).fold(0.0, f64::max);
+    let rms_n = (off / n).sqrt();
+    Some(Agreement { rms_n, relative: rms_n / most, determination: 1.0 - off / spread, points: pairs.len() })
+}
+
+/// The share of motion in a compression.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct QuasiStatic {
+    /// The largest kinetic over internal energy at the end of a stretch, once both plates have pushed.
+    pub largest: f64,
+    /// The approach at which it was so, mm.
+    pub at_mm: f64,
+    /// The part of the approach since then in which it was above 5 %.
+    pub above_limit: f64,
+}
+
+/// Kinetic over internal energy that still counts as quasi-static.
+pub const QUASI_STATIC: f64 = 0.05;
+
+/// How much of the energy was motion after the first contact had formed between both plates.
+pub fn quasi_static(samples: &[Sample]) -> Option<QuasiStatic> {
+    let first = samples.iter().position(|s| s.lower_n[2] > 0.0 && s.upper_n[2] < 0.0)?;
+    let of = |s: &Sample| s.energy.kinetic / s.energy.internal();
+    let after = &samples[first..];
+    let worst = after.iter().max_by(|a, b| of(a).total_cmp(&of(b)))?;
+    let (mut above, mut all) = (0.0, 0.0);
+    for w in after.windows(2) {
+        let by = w[1].approach_mm - w[0].approach_mm;
+        all += by;
+        if of(&w[1]) > QUASI_STATIC {
+            above += by;
+        }
+    }
+    let above_limit = if all > 0.0 { above / all } else { 0.0 };
+    Some(QuasiStatic { largest: of(worst), at_mm: worst.approach_mm, above_limit })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn hertzian(origin_mm: f64, radius_mm: f64) -> Vec<CurvePoint> {
+        let m = Material::default();
+        (0..60)
+            .map(|i| {
+                let approach_mm = 1e-3 * f64::from(i);
+                let force_n = super::super::hertz::force_n(&m, radius_mm, 0.5 * (approach_mm - origin_mm));
+                CurvePoint { approach_mm, force_n }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_hertzian_curve_gives_back_its_radius_modulus_and_origin() {
+        let curve = hertzian(0.004, 0.3);
+        let from = transition_mm(&curve, 2.0).unwrap();
+        let fit = fit_hertz(&curve, from, &Material::default(), 0.6).unwrap();
+        assert!((fit.origin_mm - 0.004).abs() < 1e-9 && (fit.radius_mm - 0.3).abs() < 1e-6, "{fit:?}");
+        assert!((fit.contact_modulus_mpa / Material::default().contact_modulus_mpa() - 1.0).abs() < 1e-6);
+        assert!(fit.residual_n < 1e-6);
+    }
+
+    #[test]
+    fn the_transition_is_the_last_time_the_force_is_passed() {
+        let at = |points: &[[f64; 2]]| {
+            let c: Vec<CurvePoint> =
+                points.iter().map(|p| CurvePoint { approach_mm: p[0], force_n: p[1] }).collect();
+            transition_mm(&c, 2.0)
+        };
+        // LBS3 of the paper falls back after a first contact.
+        assert_eq!(at(&[[0.0, 0.0], [0.02, 3.0], [0.03, 0.5], [0.05, 4.5]]), Some(0.03 + 0.02 * 1.5 / 4.0));
+        assert_eq!(at(&[[0.0, 0.0], [0.1, 1.9]]), None);
+        assert_eq!(at(&[]), None);
+    }
+
+    #[test]
+    fn a_curve_agrees_with_itself_and_not_with_another() {
+        let (a, b) = (hertzian(0.0, 0.3), hertzian(0.005, 0.3));
+        let same = agreement(&a, &a).unwrap();
+        assert!(same.rms_n < 1e-12 && (same.determination - 1.0).abs() < 1e-12);
+        let other = agreement(&a, &b).unwrap();
+        assert!(other.relative > 0.05 && other.determination < same.determination, "{other:?}");
+        assert_eq!(agreement(&a[..1], &b), None);
+    }
+}

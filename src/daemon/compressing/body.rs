@@ -1,0 +1,195 @@
+//! From what is given to a meshed grain at rest between the plates.
+
+use super::DaemonError;
+use crate::contact::rest;
+use crate::geometry::{Ball, ImplicitBody, Point, TriangleMesh, Vector};
+use crate::mesh::{Controls, Solid, TetMesh, mesh};
+use nalgebra::Rotation3;
+
+/// Elements where nobody says, over the diameter of a ball of the grain's volume.
+const SIZE: f64 = 1.0 / 14.0;
+/// Elements at the contacts, over the same: from the first, finer by a third each time, to the last, while there are not more
+/// tetrahedra than this. A grain on a flat side has much surface near the plate, a ball little.
+const AT_CONTACT: [f64; 2] = [1.0 / 28.0, 1.0 / 85.0];
+const TETRAHEDRA: usize = 120_000;
+
+/// The body to compress.
+#[derive(Debug, Clone)]
+pub enum CompressInput {
+    /// A sphere of this diameter, mm.
+    Sphere(f64),
+    /// A closed surface in mm, with its name.
+    Surface(TriangleMesh, String),
+    /// Tetrahedra in mm, with their name.
+    Mesh(TetMesh, String),
+}
+
+impl CompressInput {
+    pub(super) fn name(&self) -> String {
+        match self {
+            Self::Sphere(d) => format!("sphere of {d} mm"),
+            Self::Surface(_, name) | Self::Mesh(_, name) => name.clone(),
+        }
+    }
+}
+
+/// How the body is meshed and laid on the lower plate.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Placing {
+    /// Largest circumradius of a surface facet, mm.
+    pub size_mm: Option<f64>,
+    /// The same where the plates will touch, mm.
+    pub size_at_contact_mm: Option<f64>,
+    /// Turn about x, then y, then z, degrees, instead of coming to rest.
+    pub rotate_deg: Option<[f64; 3]>,
+}
+
+/// A meshed body between plates.
+pub(super) struct Placed {
+    pub mesh: TetMesh,
+    pub middle_mm: f64,
+    pub gap_mm: f64,
+    pub sphere_radius_mm: Option<f64>,
+    pub turned_deg: [f64; 3],
+}
+
+pub(super) fn placed(
+    input: &CompressInput,
+    placing: &Placing,
+    told: &mut dyn FnMut(f64),
+) -> Result<Placed, DaemonError> {
+    match input {
+        CompressInput::Sphere(diameter) => {
+            let radius = 0.5 * diameter;
+            let ball = Ball { center: Point::origin(), radius_mm: radius };
+            let mesh = meshed(&ball, *diameter, placing, told)?;
+            // The plates begin where the sphere is, not its facets: what is between is no approach of theirs.
+            Ok(Placed {
+                mesh,
+                middle_mm: 0.0,
+                gap_mm: *diameter,
+                sphere_radius_mm: Some(radius),
+                turned_deg: [0.0; 3],
+            })
+        }
+        CompressInput::Surface(surface, _) => {
+            let center = surface_center(surface);
+            let turn = turn(&surface.vertices, &center, placing);
+            let vertices = surface.vertices.iter().map(|p| Point::from(turn * (p - center))).collect();
+            let turned = TriangleMesh { vertices, triangles: surface.triangles.clone() };
+            let diameter_mm = (6.0 * turned.volume_mm3().abs() / std::f64::consts::PI).cbrt();
+            let solid = Solid::new(turned).map_err(DaemonError::Mesh)?;
+            Ok(between(meshed(&solid, diameter_mm, placing, told)?, &turn))
+        }
+        CompressInput::Mesh(given, _) => {
+            given.check().map_err(crate::contact::ContactError::Mesh)?;
+            let surface = given.surface();
+            let center = surface_center(&surface.triangles);
+            let turn = turn(&surface.triangles.vertices, &center, placing);
+            let nodes = given.nodes.iter().map(|p| Point::from(turn * (p - center))).collect();
+            Ok(between(TetMesh::new(nodes, given.tets.clone()), &turn))
+        }
+    }
+}
+
+/// Fills a body that is about as large as a ball of this diameter.
+fn meshed(
+    body: &dyn ImplicitBody,
+    diameter_mm: f64,
+    placing: &Placing,
+    told: &mut dyn FnMut(f64),
+) -> Result<TetMesh, DaemonError> {
+    let size = placing.size_mm.unwrap_or(SIZE * diameter_mm);
+    let with = |at_contact: f64, told: &mut dyn FnMut(f64)| {
+        let controls = Controls {
+            surface_size_mm: size,
+            tet_volume_mm3: 0.5 * size.powi(3),
+            size_at_contact_mm: Some(at_contact),
+            ..Controls::for_size(diameter_mm)
+        };
+        mesh(body, &controls, told).map_err(DaemonError::Mesh)
+    };
+    if let Some(asked) = placing.size_at_contact_mm {
+        return with(asked, told);
+    }
+    let mut at_contact = (AT_CONTACT[0] * diameter_mm).min(size);
+    let mut made = with(at_contact, told)?;
+    while at_contact > AT_CONTACT[1] * diameter_mm {
+        // Elements on the surface grow with the square of its fineness: what would be far too many is not tried.
+        if made.tets.len() * 3 / 2 > TETRAHEDRA {
+            break;
+        }
+        at_contact = (at_contact / 1.5).max(0.999 * AT_CONTACT[1] * diameter_mm);
+        let finer = with(at_contact, told)?;
+        if finer.tets.len() > TETRAHEDRA {
+            break;
+        }
+        made = finer;
+    }
+    Ok(made)
+}
+
+/// Plates at the ends of the mesh.
+fn between(mesh: TetMesh, turn: &Rotation3<f64>) -> Placed {
+    let (low, high) = reach(&mesh.nodes);
+    let turned_deg = turn.scaled_axis().map(f64::to_degrees).into();
+    Placed { mesh, middle_mm: 0.5 * (low + high), gap_mm: high - low, sphere_radius_mm: None, turned_deg }
+}
+
+fn turn(points: &[Point], center: &Point, placing: &Placing) -> Rotation3<f64> {
+    placing.rotate_deg.map_or_else(
+        || rest::rotation(points, center),
+        |deg| {
+            let [x, y, z] = deg.map(f64::to_radians);
+            Rotation3::from_euler_angles(x, y, z)
+        },
+    )
+}
+
+fn reach(points: &[Point]) -> (f64, f64) {
+    points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(p.z), h.max(p.z)))
+}
+
+/// The centre of the volume that a closed surface bounds.
+fn surface_center(surface: &TriangleMesh) -> Point {
+    let from = surface.bounds().map_or_else(Point::origin, |b| b.center());
+    let (mut sum, mut volume) = (Vector::zeros(), 0.0);
+    for t in 0..surface.triangles.len() {
+        let [a, b, c] = surface.corners(t).map(|p| p - from);
+        let six = a.dot(&b.cross(&c));
+        volume += six;
+        sum += (a + b + c) * (six / 4.0);
+    }
+    if volume > 0.0 { from + sum / volume } else { from }
+}
+
+/// The mesh, bit for bit: counts, places, node numbers.
+pub(super) fn mesh_bytes(mesh: &TetMesh) -> Vec<u8> {
+    let mut out = Vec::new();
+    out.extend((mesh.nodes.len() as u64).to_le_bytes());
+    out.extend((mesh.tets.len() as u64).to_le_bytes());
+    out.extend(mesh.nodes.iter().flat_map(|p| [p.x, p.y, p.z]).flat_map(f64::to_le_bytes));
+    out.extend(mesh.tets.iter().flatten().flat_map(|n| n.to_le_bytes()));
+    out
+}
+
+/// The mesh of such bytes.
+pub(super) fn mesh_from(bytes: &[u8]) -> Option<TetMesh> {
+    let (nodes, rest) = bytes.split_first_chunk::<8>()?;
+    let (tets, rest) = rest.split_first_chunk::<8>()?;
+    let (nodes, tets) = (u64::from_le_bytes(*nodes) as usize, u64::from_le_bytes(*tets) as usize);
+    if rest.len() != nodes.checked_mul(24)?.checked_add(tets.checked_mul(16)?)? {
+        return None;
+    }
+    let (places, numbers) = rest.split_at(24 * nodes);
+    let number = |b: &[u8]| f64::from_le_bytes(b.try_into().unwrap_or_default());
+    let nodes = places
+        .chunks_exact(24)
+        .map(|p| Point::new(number(&p[..8]), number(&p[8..16]), number(&p[16..])))
+        .collect();
+    let tets = numbers
+        .chunks_exact(16)
+        .map(|t| [0, 1, 2, 3].map(|k| u32::from_le_bytes(t[4 * k..4 * k + 4].try_into().unwrap_or_default())))
+        .collect();
+    Some(TetMesh::new(nodes, tets))
+}

@@ -1,0 +1,276 @@
+//! The files of a compression.
+
+use super::{CompressResult, DaemonError, OtherCurve};
+use crate::contact::{CurvePoint, Press, Sample, agreement, hertz, section, transition_mm};
+use crate::export::{press_deck, pvd, vtu};
+use crate::geometry::{Point, Vector};
+use crate::mesh::TetMesh;
+use crate::report::{self, FieldCut, FieldPicture, Mark, Panel, Series, Sheet};
+use crate::session::write_whole;
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// The mesh as it is now with its fields, and a picture of a cut through it.
+pub(super) fn stage(folder: &Path, number: usize, mesh: &TetMesh, press: &Press) -> Result<(), DaemonError> {
+    let fields = press.dynamics().fields(press.body());
+    let (places, upper_mm) = press.placed_mm();
+    let (mises, least) = (fields.mises_mpa(), fields.least_principal_mpa());
+    let moved: Vec<f64> = press.displacements_mm().iter().flat_map(|p| [p.x, p.y, p.z]).collect();
+    let nodal = [vtu::Column { name: "displacement_mm", components: 3, values: &moved }];
+    let cells = [
+        vtu::Column { name: "von_mises_mpa", components: 1, values: &mises },
+        vtu::Column { name: "min_principal_mpa", components: 1, values: &least },
+        vtu::Column { name: "plastic_strain", components: 1, values: &fields.plastic_strain },
+    ];
+    let mut grid = Vec::new();
+    let deformed = TetMesh::new(places.clone(), mesh.tets.clone());
+    vtu::write(&deformed, &nodal, &cells, &mut grid)?;
+    write_whole(folder, &format!("stage_{number:02}.vtu"), &grid)?;
+
+    let Some(sample) = press.samples().last() else { return Ok(()) };
+    let (through, along) = plane(&places, sample);
+    let cut = section(&deformed, &places, &through, &along);
+    let coloured = |caption: &str, values: &[f64], range: [f64; 2]| FieldCut {
+        caption: caption.into(),
+        polygons: cut.iter().map(|(t, c)| (c.clone(), values[*t])).collect(),
+        levels: vec![0.0, upper_mm],
+        range,
+    };
+    // The very largest stresses are in a few elements: the scale ends where one in two hundred is beyond.
+    let end = |values: &mut dyn Iterator<Item = f64>| {
+        let mut all: Vec<f64> = values.collect();
+        all.sort_by(f64::total_cmp);
+        all.get(all.len().saturating_sub(1 + all.len() / 200)).copied().unwrap_or(1.0).max(1e-9)
+    };
+    let most = end(&mut cut.iter().map(|(t, _)| mises[*t]));
+    let deepest = end(&mut cut.iter().map(|(t, _)| -least[*t]));
+    let mut cuts = vec![
+        coloured("minimum principal stress, MPa", &least, [-deepest, 0.0]),
+        coloured("von Mises stress, MPa", &mises, [0.0, most]),
+    ];
+    if fields.plastic_strain.iter().any(|s| *s > 0.0) {
+        let most = end(&mut cut.iter().map(|(t, _)| fields.plastic_strain[*t]));
+        cuts.push(coloured("equivalent plastic strain", &fields.plastic_strain, [0.0, most]));
+    }
+    let title = format!(
+        "stage {number}: approach {:.2} µm, force {:.3} N, {} contacts",
+        1e3 * sample.approach_mm,
+        sample.force_n,
+        sample.touches.len()
+    );
+    let png = FieldPicture { title, cuts }.png().map_err(|e| DaemonError::Encode(e.to_string()))?;
+    write_whole(folder, &format!("stage_{number:02}.png"), &png)?;
+    Ok(())
+}
+
+/// An upright plane through the two contacts that carry most, or through the middle.
+fn plane(places: &[Point], sample: &Sample) -> (Point, Vector) {
+    let mut touches: Vec<_> = sample.touches.iter().collect();
+    touches.sort_by(|a, b| b.force_n.total_cmp(&a.force_n));
+    let n = places.len().max(1) as f64;
+    let middle = places.iter().fold(Vector::zeros(), |s, p| s + p.coords) / n;
+    let at = |i: usize| touches.get(i).map(|t| Vector::new(t.place_mm[0], t.place_mm[1], 0.0));
+    let first = at(0).unwrap_or(middle);
+    let along = (at(1).unwrap_or(middle) - first).component_mul(&Vector::new(1.0, 1.0, 0.0));
+    // Contacts above one another leave the direction open.
+    let along = if along.norm() > 1e-3 { along } else { Vector::x() };
+    (Point::from(first), along)
+}
+
+/// Writes the results; the names of all files in the folder.
+pub(super) fn write(
+    folder: &Path,
+    mesh: &TetMesh,
+    press: &Press,
+    result: &CompressResult,
+    stages: &[usize],
+    others: &[OtherCurve],
+) -> Result<Vec<String>, DaemonError> {
+    write_whole(folder, "curve.csv", table(press.samples()).as_bytes())?;
+    let sheet = sheet(press, result, others);
+    write_whole(folder, "curve.svg", &sheet.svg())?;
+    write_whole(folder, "curve.png", &sheet.png().map_err(|e| DaemonError::Encode(e.to_string()))?)?;
+    let mut grids: Vec<(f64, String)> = (stages.iter().enumerate())
+        .map(|(k, i)| (1e3 * press.samples()[*i].approach_mm, format!("stage_{:02}.vtu", k + 1)))
+        .filter(|(_, name)| folder.join(name).exists())
+        .collect();
+    grids.dedup_by(|a, b| a.1 == b.1);
+    let mut collection = Vec::new();
+    pvd::write(&grids, &mut collection)?;
+    write_whole(folder, "stages.pvd", &collection)?;
+    let s = &result.settings;
+    let approach_mm = press.samples().last().map_or(0.0, |x| x.approach_mm);
+    // The plates begin at the nodes where these lie outside the plates as they were asked for.
+    let beyond = mesh.nodes.iter().map(|p| (p.z - s.middle_mm).abs()).fold(0.5 * s.gap_mm, f64::max);
+    let earlier_mm = 2.0 * beyond - s.gap_mm;
+    let deck = press_deck::Deck {
+        mesh,
+        material: &s.material,
+        plates_mm: [s.middle_mm - beyond, s.middle_mm + beyond],
+        friction: s.friction,
+        approach_mm: (s.loading.to_approach_mm.unwrap_or(approach_mm) + earlier_mm).max(1e-6),
+        seconds: press.samples().last().map_or(1e-5, |x| x.time_s),
+        steps: 10,
+        source: &s.source,
+    };
+    let mut text = Vec::new();
+    deck.abaqus(&mut text)?;
+    write_whole(folder, "abaqus.inp", &text)?;
+    text.clear();
+    deck.calculix(&mut text)?;
+    write_whole(folder, "calculix.inp", &text)?;
+    let mut files: Vec<String> = (std::fs::read_dir(folder).into_iter().flatten().flatten())
+        .map(|e| e.file_name().to_string_lossy().into_owned())
+        .filter(|n| !n.starts_with('.'))
+        .chain(["result.json".to_owned()])
+        .collect();
+    files.sort();
+    files.dedup();
+    Ok(files)
+}
+
+fn table(samples: &[Sample]) -> String {
+    let mut out = String::from(
+        "approach_mm,force_n,lower_n,upper_n,time_s,kinetic_n_mm,internal_n_mm,external_n_mm,plastic_n_mm,balance_error,\
+         rotation_deg,contacts,speed_mm_s,step_s\n",
+    );
+    for s in samples {
+        let e = &s.energy;
+        let turned = s.rotation_rad.iter().map(|x| x * x).sum::<f64>().sqrt().to_degrees();
+        let _ = writeln!(
+            out,
+            "{},{},{},{},{:e},{:e},{:e},{:e},{:e},{:e},{},{},{},{:e}",
+            s.approach_mm,
+            s.force_n,
+            s.lower_n[2],
+            -s.upper_n[2],
+            s.time_s,
+            e.kinetic,
+            e.internal(),
+            e.external,
+            e.plastic,
+            e.balance_error(),
+            turned,
+            s.touches.len(),
+            s.speed_mm_s,
+            s.step_s
+        );
+    }
+    out
+}
+
+fn series(name: &str, points: impl Iterator<Item = (f64, f64)>) -> Series {
+    let points = points.map(|(x, y)| report::Point { x: 1e3 * x, y, sigma: None }).collect();
+    Series { name: name.into(), points, joined: true }
+}
+
+fn sheet(press: &Press, result: &CompressResult, others: &[OtherCurve]) -> Sheet {
+    let (samples, s) = (press.samples(), &result.settings);
+    let own = if s.material.yield_mpa.is_some() { "elastic-plastic" } else { "elastic" };
+    let mut forces = vec![series(own, result.curve.iter().map(|p| (p.approach_mm, p.force_n)))];
+    for other in others {
+        forces.push(series(&other.name, other.points.iter().map(|p| (p.approach_mm, p.force_n))));
+    }
+    let end = result.curve.last().map_or(0.0, |p| p.approach_mm);
+    let steps = || (0..=60).map(|i| end * f64::from(i) / 60.0);
+    let radius = s.sphere_radius_mm.unwrap_or(0.5 * s.gap_mm);
+    let law = |d: f64| hertz::force_n(&s.material, radius, 0.5 * d);
+    if s.sphere_radius_mm.is_some() {
+        forces.push(series("Hertz", steps().map(|d| (d, law(d)))));
+        let form = |d: f64| hertz::two_plate_force_n(&s.material, radius, 0.5 * d);
+        forces.push(series("two plates", steps().map(|d| (d, form(d)))));
+    } else if let (Some(fit), Some(from)) = (&result.hertz, result.delta_i_mm) {
+        let fitted = |d: f64| hertz::force_n(&s.material, fit.radius_mm, 0.5 * (d - fit.origin_mm));
+        forces.push(series("Hertz fitted", steps().filter(|d| *d >= from).map(|d| (d, fitted(d)))));
+    }
+    let mark = result.delta_i_mm.map(|d| Mark::Upright(format!("{} N", s.transition_n), 1e3 * d));
+    let energy =
+        |name: &str, of: fn(&Sample) -> f64| series(name, samples.iter().map(|x| (x.approach_mm, of(x))));
+    let panel = |title: &str, series: Vec<Series>, marks: Vec<Mark>| Panel {
+        title: title.into(),
+        abscissa: "approach of the plates, µm".into(),
+        series,
+        marks,
+    };
+    let turned = |x: &Sample| x.rotation_rad.iter().map(|r| r * r).sum::<f64>().sqrt().to_degrees();
+    let most = (samples.iter().flat_map(|x| &x.touches).map(|t| t.id)).max().map_or(0, |m| m + 1);
+    let mut carried: Vec<Series> = (0..most)
+        .map(|id| {
+            let of = |x: &Sample| x.touches.iter().find(|t| t.id == id).map(|t| (x.approach_mm, t.force_n));
+            series(&format!("{id}"), samples.iter().filter_map(of))
+        })
+        .collect();
+    // Only those that ever carry something to speak of.
+    let last = result.curve.iter().map(|p| p.force_n).fold(0.0, f64::max);
+    carried.retain(|c| c.points.iter().any(|p| p.y > 0.02 * last));
+    carried.truncate(10);
+    let panels = vec![
+        panel("force, N", forces, mark.into_iter().collect()),
+        panel("force of each contact, N", carried, Vec::new()),
+        panel(
+            "energy, N mm",
+            vec![
+                energy("plates' work", |x| x.energy.external),
+                energy("internal", |x| x.energy.internal()),
+                energy("kinetic", |x| x.energy.kinetic),
+            ],
+            Vec::new(),
+        ),
+        panel(
+            "rotation, degrees",
+            vec![series("", samples.iter().map(|x| (x.approach_mm, turned(x))))],
+            Vec::new(),
+        ),
+    ];
+    let mut figures = vec![format!(
+        "{}: {} tetrahedra, {} steps, last force {:.3} N at {:.2} µm; E = {} MPa, nu = {}, friction {}",
+        s.source,
+        result.elements,
+        result.steps,
+        result.curve.last().map_or(0.0, |p| p.force_n),
+        1e3 * end,
+        s.material.young_mpa,
+        s.material.poisson,
+        s.friction
+    )];
+    if let Some(d) = result.delta_i_mm {
+        figures.push(format!("delta_i at {} N: {:.2} µm", s.transition_n, 1e3 * d));
+    }
+    if let Some(fit) = &result.hertz {
+        figures.push(format!(
+            "Hertz after delta_i: E* = {:.0} MPa at R = {:.4} mm, or R = {:.4} mm at the material's E*; origin {:.2} µm, residual {:.3} N",
+            fit.contact_modulus_mpa,
+            0.5 * s.gap_mm,
+            fit.radius_mm,
+            1e3 * fit.origin_mm,
+            fit.residual_n
+        ));
+    }
+    for other in others.iter().filter(|o| o.measured) {
+        let delta = transition_mm(&other.points, s.transition_n);
+        let mut line = format!("{}: ", other.name);
+        if let Some(d) = delta {
+            let _ = write!(line, "delta_i {:.2} µm; ", 1e3 * d);
+        }
+        let computed: Vec<CurvePoint> = result.curve.clone();
+        match agreement(&computed, &other.points) {
+            Some(a) => {
+                let _ = write!(
+                    line,
+                    "root mean square difference {:.3} N ({:.1} % of its largest force), determination {:.3}",
+                    a.rms_n,
+                    100.0 * a.relative,
+                    a.determination
+                );
+            }
+            None => line.push_str("no approach in common with the computed curve"),
+        }
+        figures.push(line);
+    }
+    Sheet {
+        title: format!("Compression of {}", s.source),
+        panels,
+        figures,
+        warnings: result.warnings.clone(),
+    }
+}

@@ -1,0 +1,209 @@
+//! A grain between two rigid plates as a whole deck: for Abaqus/Explicit, and for `CalculiX` as a static analysis that runs.
+
+use super::{ExportError, inp};
+use crate::contact::Material;
+use crate::mesh::TetMesh;
+use std::io::Write;
+
+/// Part of the grain's height, at either end, whose surface can meet a plate.
+const BAND: f64 = 0.25;
+/// Side of a plate over the grain's height.
+const SIDE: f64 = 3.0;
+/// Contact stiffness of the `CalculiX` deck, MPa/mm over E/H: an overclosure of 0.1 µm and less under 20 GPa.
+const STIFFNESS: f64 = 2000.0;
+/// Springs that hold what nothing else holds before the plates do, N/mm over E·H.
+const SPRING: f64 = 1e-6;
+
+/// What a deck says.
+#[derive(Debug, Clone, Copy)]
+pub struct Deck<'a> {
+    /// The grain, mm.
+    pub mesh: &'a TetMesh,
+    /// Its material.
+    pub material: &'a Material,
+    /// Heights of the lower and the upper plate's face, mm.
+    pub plates_mm: [f64; 2],
+    /// Coulomb's friction.
+    pub friction: f64,
+    /// The approach of the plates at the end, mm; each moves by half.
+    pub approach_mm: f64,
+    /// How long an explicit step takes, s.
+    pub seconds: f64,
+    /// Equal parts of the approach at which reactions are written.
+    pub steps: usize,
+    /// Where the mesh is from.
+    pub source: &'a str,
+}
+
+impl Deck<'_> {
+    fn height(&self) -> f64 {
+        self.plates_mm[1] - self.plates_mm[0]
+    }
+
+    fn provenance(&self) -> Vec<String> {
+        vec![format!(
+            "{} between rigid plates; approach {} mm, half by each plate",
+            self.source, self.approach_mm
+        )]
+    }
+
+    fn materials(&self, out: &mut impl Write) -> std::io::Result<()> {
+        let m = self.material;
+        writeln!(out, "*MATERIAL, NAME=GRAIN_MATERIAL\n*DENSITY\n{:e}", m.density_t_mm3)?;
+        writeln!(out, "*ELASTIC\n{}, {}", m.young_mpa, m.poisson)?;
+        if let Some(y) = m.yield_mpa {
+            writeln!(out, "*PLASTIC\n{y}, 0.\n{}, 1.", y + m.hardening_mpa)?;
+        }
+        writeln!(out, "*SOLID SECTION, ELSET=GRAIN, MATERIAL=GRAIN_MATERIAL")
+    }
+
+    /// The corners of a plate, seen from above counter-clockwise from (−, −), at a height.
+    fn corners(&self, z: f64) -> [[f64; 3]; 4] {
+        let n = self.mesh.nodes.len().max(1) as f64;
+        let sum = self.mesh.nodes.iter().fold([0.0; 2], |s, p| [s[0] + p.x / n, s[1] + p.y / n]);
+        let half = 0.5 * SIDE * self.height();
+        [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+            .map(|[x, y]| [sum[0] + half * x, sum[1] + half * y, z])
+    }
+
+    /// The deck for Abaqus/Explicit: rigid plates of one facet, hard contact, smooth start.
+    ///
+    /// # Errors
+    /// [`ExportError`]: as for the mesh alone.
+    pub fn abaqus(&self, mut out: impl Write) -> Result<(), ExportError> {
+        inp::write(self.mesh, &self.provenance(), BAND * self.height(), &mut out)?;
+        let first = self.mesh.nodes.len() + 1;
+        let element = self.mesh.tets.len() + 1;
+        for (i, (name, z)) in
+            [("LOWER", self.plates_mm[0]), ("UPPER", self.plates_mm[1])].into_iter().enumerate()
+        {
+            let at = first + 5 * i;
+            writeln!(out, "*NODE, NSET={name}_PLATE_NODES")?;
+            for (k, p) in self.corners(z).iter().enumerate() {
+                writeln!(out, "{}, {:.9e}, {:.9e}, {:.9e}", at + k, p[0], p[1], p[2])?;
+            }
+            let middle = self.corners(z);
+            let (x, y) = (0.5 * (middle[0][0] + middle[2][0]), 0.5 * (middle[0][1] + middle[2][1]));
+            writeln!(out, "*NODE, NSET={name}_REFERENCE\n{}, {x:.9e}, {y:.9e}, {z:.9e}", at + 4)?;
+            // The facet's normal points to the grain.
+            let order = if i == 0 { [0, 1, 2, 3] } else { [3, 2, 1, 0] };
+            let [a, b, c, d] = order.map(|k| at + k);
+            writeln!(out, "*ELEMENT, TYPE=R3D4, ELSET={name}_PLATE\n{}, {a}, {b}, {c}, {d}", element + i)?;
+            writeln!(out, "*RIGID BODY, ELSET={name}_PLATE, REF NODE={}", at + 4)?;
+            writeln!(out, "*SURFACE, NAME={name}_FACE\n{name}_PLATE, SPOS")?;
+        }
+        self.materials(&mut out)?;
+        writeln!(out, "*SURFACE INTERACTION, NAME=HARD\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD")?;
+        if self.friction > 0.0 {
+            writeln!(out, "*FRICTION\n{}", self.friction)?;
+        }
+        writeln!(out, "*AMPLITUDE, NAME=SMOOTH, DEFINITION=SMOOTH STEP\n0., 0., {:e}, 1.", self.seconds)?;
+        writeln!(out, "*STEP, NAME=COMPRESS, NLGEOM=YES\n*DYNAMIC, EXPLICIT\n, {:e}", self.seconds)?;
+        writeln!(out, "*BULK VISCOSITY\n0.06, 1.2")?;
+        let by = 0.5 * self.approach_mm;
+        writeln!(out, "*BOUNDARY, AMPLITUDE=SMOOTH")?;
+        for (name, by) in [("LOWER", by), ("UPPER", -by)] {
+            writeln!(out, "{name}_REFERENCE, 3, 3, {by:e}")?;
+        }
+        writeln!(out, "*BOUNDARY")?;
+        for name in ["LOWER", "UPPER"] {
+            writeln!(out, "{name}_REFERENCE, 1, 2\n{name}_REFERENCE, 4, 6")?;
+        }
+        for (grain, plate) in [("BOTTOM_SURFACE", "LOWER_FACE"), ("TOP_SURFACE", "UPPER_FACE")] {
+            writeln!(
+                out,
+                "*CONTACT PAIR, INTERACTION=HARD, MECHANICAL CONSTRAINT=KINEMATIC\n{grain}, {plate}"
+            )?;
+        }
+        writeln!(out, "*OUTPUT, FIELD, NUMBER INTERVAL={}", self.steps)?;
+        writeln!(out, "*NODE OUTPUT\nU\n*ELEMENT OUTPUT, ELSET=GRAIN\nS, PEEQ")?;
+        writeln!(out, "*OUTPUT, HISTORY, TIME INTERVAL={:e}", self.seconds / 200.0)?;
+        for name in ["LOWER", "UPPER"] {
+            writeln!(out, "*NODE OUTPUT, NSET={name}_REFERENCE\nU3, RF3")?;
+        }
+        writeln!(out, "*ENERGY OUTPUT\nALLKE, ALLIE, ALLWK, ALLPD, ETOTAL\n*END STEP")?;
+        Ok(out.flush()?)
+    }
+
+    /// The deck for `CalculiX`: a static analysis with plates of one held brick each. Strains are small ones, because with
+    /// `NLGEOM` `CalculiX` takes the law of St. Venant and Kirchhoff, which softens under a contact; nodes meet the plates, as
+    /// they do in [`crate::contact`]. Reactions of `LOWER_PLATE_NODES` and
+    /// `UPPER_PLATE_NODES` come out in the `.dat` file.
+    ///
+    /// # Errors
+    /// [`ExportError`]: as for the mesh alone.
+    pub fn calculix(&self, mut out: impl Write) -> Result<(), ExportError> {
+        let height = self.height();
+        inp::write(self.mesh, &self.provenance(), BAND * height, &mut out)?;
+        let first = self.mesh.nodes.len() + 1;
+        let element = self.mesh.tets.len() + 1;
+        let thick = 0.5 * height;
+        for (i, (name, z)) in
+            [("LOWER", self.plates_mm[0]), ("UPPER", self.plates_mm[1])].into_iter().enumerate()
+        {
+            let at = first + 8 * i;
+            let (bottom, top) = if i == 0 { (z - thick, z) } else { (z, z + thick) };
+            writeln!(out, "*NODE, NSET={name}_PLATE_NODES")?;
+            for (k, p) in self.corners(bottom).iter().chain(&self.corners(top)).enumerate() {
+                writeln!(out, "{}, {:.9e}, {:.9e}, {:.9e}", at + k, p[0], p[1], p[2])?;
+            }
+            let list: Vec<String> = (0..8).map(|k| (at + k).to_string()).collect();
+            writeln!(out, "*ELEMENT, TYPE=C3D8, ELSET={name}_PLATE\n{}, {}", element + i, list.join(", "))?;
+            writeln!(
+                out,
+                "*SURFACE, NAME={name}_FACE, TYPE=ELEMENT\n{name}_PLATE, S{}",
+                if i == 0 { 2 } else { 1 }
+            )?;
+        }
+        self.springs(&mut out, element + 2)?;
+        self.materials(&mut out)?;
+        writeln!(out, "*MATERIAL, NAME=PLATE_MATERIAL\n*ELASTIC\n{}, 0.", self.material.young_mpa)?;
+        for name in ["LOWER", "UPPER"] {
+            writeln!(out, "*SOLID SECTION, ELSET={name}_PLATE, MATERIAL=PLATE_MATERIAL")?;
+        }
+        writeln!(out, "*SURFACE INTERACTION, NAME=HARD\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR")?;
+        writeln!(out, "{:e}", STIFFNESS * self.material.young_mpa / height)?;
+        if self.friction > 0.0 {
+            let stick = 0.1 * STIFFNESS * self.material.young_mpa / height;
+            writeln!(out, "*FRICTION\n{}, {stick:e}", self.friction)?;
+        }
+        for (grain, plate) in [("BOTTOM_SURFACE", "LOWER_FACE"), ("TOP_SURFACE", "UPPER_FACE")] {
+            writeln!(out, "*CONTACT PAIR, INTERACTION=HARD, TYPE=NODE TO SURFACE\n{grain}, {plate}")?;
+        }
+        let part = 1.0 / self.steps.max(1) as f64;
+        writeln!(out, "*STEP, INC=1000\n*STATIC\n{part}, 1., 1e-6, {part}")?;
+        writeln!(out, "*BOUNDARY")?;
+        for (name, by) in [("LOWER", 0.5 * self.approach_mm), ("UPPER", -0.5 * self.approach_mm)] {
+            writeln!(out, "{name}_PLATE_NODES, 1, 2\n{name}_PLATE_NODES, 3, 3, {by:e}")?;
+        }
+        for name in ["LOWER", "UPPER"] {
+            writeln!(out, "*NODE PRINT, NSET={name}_PLATE_NODES, TOTALS=ONLY\nRF")?;
+        }
+        writeln!(out, "*END STEP")?;
+        Ok(out.flush()?)
+    }
+
+    /// Soft springs in every direction at three nodes far apart.
+    fn springs(&self, out: &mut impl Write, element: usize) -> std::io::Result<()> {
+        let far = |of: fn(&crate::geometry::Point) -> f64| {
+            let nodes = self.mesh.nodes.iter().enumerate();
+            nodes.max_by(|a, b| of(a.1).total_cmp(&of(b.1))).map_or(0, |(i, _)| i)
+        };
+        let mut nodes = vec![far(|p| p.x), far(|p| -p.x), far(|p| p.y)];
+        nodes.dedup();
+        let mut next = element;
+        for axis in 1..=3 {
+            writeln!(out, "*ELEMENT, TYPE=SPRING1, ELSET=SPRING_{axis}")?;
+            for n in &nodes {
+                writeln!(out, "{next}, {}", n + 1)?;
+                next += 1;
+            }
+            writeln!(
+                out,
+                "*SPRING, ELSET=SPRING_{axis}\n{axis}\n{:e}",
+                SPRING * self.material.young_mpa * self.height()
+            )?;
+        }
+        Ok(())
+    }
+}

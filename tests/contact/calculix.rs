@@ -1,0 +1,56 @@
+//! The same mesh and load in `CalculiX`.
+
+use serde_json::Value;
+use std::process::{Command, Stdio};
+use tempfile::TempDir;
+
+#[test]
+fn calculix_finds_the_same_forces_at_every_stage() {
+    let there = Command::new("ccx").arg("-v").stdout(Stdio::null()).stderr(Stdio::null()).status();
+    if there.is_err() {
+        println!("skipped: ccx is not installed");
+        return;
+    }
+    let folder = TempDir::new().unwrap();
+    let out = Command::new(env!("CARGO_BIN_EXE_grainrig"))
+        .current_dir(folder.path())
+        .args(["compress", "--sphere-diameter-mm", "0.815", "--to-approach-mm", "0.02", "--friction", "0"])
+        .args(["--size-mm", "0.12", "--size-at-contact-mm", "0.035", "--out", "s", "--json"])
+        .output()
+        .unwrap();
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let result: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let curve: Vec<[f64; 2]> = (result["curve"].as_array().unwrap().iter())
+        .map(|p| [p["approach_mm"].as_f64().unwrap(), p["force_n"].as_f64().unwrap()])
+        .collect();
+    let deck = folder.path().join("s");
+    let run = Command::new("ccx").current_dir(&deck).args(["-i", "calculix"]).output().unwrap();
+    let said = String::from_utf8_lossy(&run.stdout);
+    assert!(said.contains("Job finished"), "{}", &said[said.len().saturating_sub(2000)..]);
+    let table = std::fs::read_to_string(deck.join("calculix.dat")).unwrap();
+    // The plates of the deck begin at the nodes, which may lie a little outside the sphere.
+    let text = std::fs::read_to_string(deck.join("calculix.inp")).unwrap();
+    let line = text.lines().find(|l| l.starts_with("LOWER_PLATE_NODES, 3, 3")).unwrap();
+    let way = 2.0 * line.split(", ").last().unwrap().parse::<f64>().unwrap();
+    let mut stages = 0;
+    let mut lines = table.lines();
+    while let Some(line) = lines.next() {
+        if !line.contains("LOWER_PLATE_NODES") {
+            continue;
+        }
+        let time: f64 = line.split_whitespace().last().unwrap().parse().unwrap();
+        let force: f64 = lines.nth(1).unwrap().split_whitespace().last().unwrap().parse().unwrap();
+        let approach = 0.02 - way * (1.0 - time);
+        let Some(w) = curve.windows(2).find(|w| w[0][0] <= approach && approach <= w[1][0]) else { continue };
+        let part = (approach - w[0][0]) / (w[1][0] - w[0][0]);
+        let own = w[0][1] + part * (w[1][1] - w[0][1]);
+        println!(
+            "{:5.2} um: CalculiX {force:8.3} N, here {own:8.3} N, ratio {:.4}",
+            1e3 * approach,
+            own / force
+        );
+        assert!((own / force - 1.0).abs() < 0.02, "{own} N, CalculiX {force} N at {approach} mm");
+        stages += 1;
+    }
+    assert!(stages >= 8, "{stages}");
+}

@@ -1,0 +1,184 @@
+//! `grainrig compress` as a user runs it.
+
+use grainrig::contact::experiment::{Compliance, read};
+use serde_json::Value;
+use std::io::{BufRead as _, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use tempfile::TempDir;
+
+/// A small, quick sphere.
+const SPHERE: [&str; 7] =
+    ["--sphere-diameter-mm", "0.8", "--size-mm", "0.12", "--size-at-contact-mm", "0.06", "--json"];
+
+fn grainrig(folder: &TempDir) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_grainrig"));
+    command.current_dir(folder.path()).arg("compress");
+    command
+}
+
+fn json(command: &mut Command) -> Value {
+    let out = command.output().unwrap();
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    serde_json::from_slice(&out.stdout).unwrap()
+}
+
+fn refused(command: &mut Command) -> (i32, String) {
+    let out = command.output().unwrap();
+    (out.status.code().unwrap(), String::from_utf8_lossy(&out.stderr).into_owned())
+}
+
+fn real_bluehill() -> Option<PathBuf> {
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/bluehill"));
+    folder.is_dir().then(|| folder.to_owned())
+}
+
+#[test]
+fn a_sphere_gives_its_curve_its_files_and_its_figures() {
+    let folder = TempDir::new().unwrap();
+    let experiment =
+        (0..40).fold("Raw Data\nTime (s),Displacement (mm),Force (N)\n".to_owned(), |text, i| {
+            let d = 2e-4 * f64::from(i);
+            text + &format!("{i},{d},{}\n", 3.2e4 * d.powf(1.5))
+        });
+    std::fs::write(folder.path().join("test.csv"), experiment).unwrap();
+    let r = json(grainrig(&folder).args(SPHERE).args([
+        "--out",
+        "s",
+        "--to-force-n",
+        "5",
+        "--experiment",
+        "test.csv",
+    ]));
+    let curve = r["curve"].as_array().unwrap();
+    let last = curve.last().unwrap();
+    assert!(
+        last["force_n"].as_f64().unwrap() >= 5.0
+            && last["approach_mm"].as_f64() > curve[0]["approach_mm"].as_f64()
+    );
+    for key in ["delta_i_mm", "elements", "steps", "wall_s"] {
+        assert!(r[key].as_f64().unwrap() > 0.0, "{key}");
+    }
+    let energy = |key: &str| r["energy"][key].as_f64().unwrap();
+    assert!(energy("kinetic") < 0.05 * energy("internal") && energy("internal") <= 1.01 * energy("external"));
+    assert!(energy("balance_error").abs() < 0.01);
+    assert_eq!(r["finished"], true);
+    for name in [
+        "curve.csv",
+        "curve.svg",
+        "curve.png",
+        "result.json",
+        "stages.pvd",
+        "stage_08.vtu",
+        "stage_08.png",
+        "abaqus.inp",
+        "calculix.inp",
+    ] {
+        assert!(folder.path().join("s").join(name).metadata().unwrap().len() > 100, "{name}");
+    }
+    let svg = std::fs::read_to_string(folder.path().join("s/curve.svg")).unwrap();
+    assert!(svg.contains("experiment") && svg.contains("two plates") && svg.contains("determination"));
+    let pvd = std::fs::read_to_string(folder.path().join("s/stages.pvd")).unwrap();
+    assert_eq!(pvd.matches("<DataSet").count(), 8);
+    let again = refused(grainrig(&folder).args(SPHERE).args(["--out", "s"]));
+    assert!(again.0 == 2 && again.1.contains("not an empty folder"), "{again:?}");
+}
+
+#[test]
+fn a_killed_compression_goes_on_to_the_same_bits() {
+    let folder = TempDir::new().unwrap();
+    let to = ["--to-force-n", "40"];
+    let whole = json(grainrig(&folder).args(SPHERE).args(to).args(["--out", "whole"]));
+    // Ended in the middle, by Ctrl-C's signal: what there is can be read, and says so.
+    let mut child = grainrig(&folder)
+        .args(SPHERE)
+        .args(to)
+        .args(["--out", "part"])
+        .stderr(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    lines.by_ref().map(Result::unwrap).find(|l| l.contains("contacts, about")).unwrap();
+    let pid = rustix::process::Pid::from_raw(child.id() as i32).unwrap();
+    rustix::process::kill_process(pid, rustix::process::Signal::INT).unwrap();
+    lines.for_each(drop);
+    assert!(child.wait().unwrap().success());
+    let text = std::fs::read_to_string(folder.path().join("part/result.json")).unwrap();
+    let partial: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(partial["finished"], false);
+    let resumed = json(grainrig(&folder).args(["--resume", "part", "--json"]));
+    assert_eq!(resumed["finished"], true);
+    for key in ["curve", "steps", "energy", "contacts"] {
+        assert_eq!(resumed[key], whole[key], "{key}");
+    }
+    for name in ["curve.csv", "stage_08.vtu", "stage_02.vtu"] {
+        let read = |of: &str| std::fs::read(folder.path().join(of).join(name)).unwrap();
+        assert!(read("part") == read("whole"), "{name}");
+    }
+}
+
+#[test]
+fn what_cannot_be_compressed_is_refused_with_what_to_do() {
+    let folder = TempDir::new().unwrap();
+    std::fs::write(folder.path().join("no.stl"), b"this is no mesh").unwrap();
+    std::fs::write(folder.path().join("odd.csv"), "Zeit,Weg\n(s),(mm)\n1,2\n3,4\n").unwrap();
+    let ball = "--sphere-diameter-mm";
+    for (args, code, needed) in [
+        (vec![ball, "0.8", "--poisson", "0.5"], 2, "poisson"),
+        (vec![ball, "0.8", "--material", "plastic", "--yield-mpa", "0"], 2, "yield_mpa"),
+        (vec![ball, "-1"], 2, "must be positive"),
+        (vec![ball, "0.0008"], 1, "metres"),
+        (
+            vec![ball, "0.8", "--size-mm", "0.2", "--size-at-contact-mm", "0.1", "--time-step-s", "1e-6"],
+            2,
+            "above the stable one",
+        ),
+        (
+            vec![ball, "0.8", "--friction", "-0.1", "--size-mm", "0.2", "--size-at-contact-mm", "0.1"],
+            2,
+            "friction",
+        ),
+        (vec!["no.stl"], 1, "STL"),
+        (vec!["missing.stl"], 1, "cannot read"),
+        (vec![ball, "0.8", "--experiment", "odd.csv"], 1, "Zeit,Weg"),
+        (vec!["--resume", "nowhere"], 1, "no compression to go on with"),
+        (vec![], 2, "required"),
+    ] {
+        let (status, said) = refused(grainrig(&folder).args(&args));
+        assert!(status == code && said.contains(needed), "{args:?}: {status} {said}");
+        assert!(!said.contains("panicked"), "{said}");
+    }
+}
+
+#[test]
+fn the_laboratorys_real_exports_are_read() {
+    let Some(folder) = real_bluehill() else {
+        println!("skipped: ../shared/data/bluehill is not there");
+        return;
+    };
+    // The largest force of the file, and the most rows of the first loading.
+    for (name, most_n, rows) in [
+        ("cyclic_compression_gbk_header.csv", None, 24_676),
+        ("tensile_preamble_1.csv", Some(22_840.0), 400),
+        ("tensile_preamble_2.csv", None, 400),
+    ] {
+        let test = read(&std::fs::read(folder.join(name)).unwrap()).unwrap();
+        let curve = test.curve(&Compliance::none()).unwrap();
+        let last = curve.last().unwrap();
+        assert!(
+            test.force_n.len() > 50 && curve.len() <= rows && curve.len() >= 5,
+            "{name}: {} of {}",
+            curve.len(),
+            test.force_n.len()
+        );
+        assert!(last.force_n > 0.0 && last.approach_mm > 0.0, "{name}: {last:?}");
+        if let Some(n) = most_n {
+            // The zero lies at the 43 N that the machine showed before.
+            assert!((last.force_n - 43.5 - n).abs() < 0.01 * n, "{name}: {last:?}");
+        }
+    }
+    // Ten lines typed off a page hold no loading; they are read, and that is said.
+    let short = read(&std::fs::read(folder.join("layout_comma_decimal_example.csv")).unwrap());
+    assert!(short.unwrap_err().to_string().contains("2 rows"));
+}

@@ -1,0 +1,74 @@
+//! A real grain, elastic and plastic, between plates.
+
+use crate::sphere::long;
+use serde_json::Value;
+use std::path::Path;
+use std::process::Command;
+use tempfile::TempDir;
+
+/// The longest side of the grain, mm.
+const LONGEST_MM: f64 = 1.0;
+
+/// Binary STL of a real grain, scaled.
+fn grain() -> Option<Vec<u8>> {
+    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/grains/sand_ma107_00107.stl"));
+    let Ok(bytes) = std::fs::read(path) else {
+        println!("skipped: {} is not there", path.display());
+        return None;
+    };
+    let mut surface = grainrig::export::stl::read(&bytes).unwrap();
+    let size = surface.bounds().unwrap().size();
+    let by = LONGEST_MM / size.x.max(size.y).max(size.z);
+    surface.vertices.iter_mut().for_each(|p| p.coords *= by);
+    let mut out = Vec::new();
+    grainrig::export::stl::write(&surface, &mut out).unwrap();
+    Some(out)
+}
+
+fn pressed(folder: &TempDir, out: &str, args: &[&str]) -> Value {
+    let run = Command::new(env!("CARGO_BIN_EXE_grainrig"))
+        .current_dir(folder.path())
+        .args(["compress", "grain.stl", "--json", "--out", out])
+        .args(args)
+        .output()
+        .unwrap();
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    serde_json::from_slice(&run.stdout).unwrap()
+}
+
+#[test]
+fn a_real_grain_is_pressed_elastic_and_plastic() {
+    let Some(bytes) = grain() else { return };
+    let folder = TempDir::new().unwrap();
+    std::fs::write(folder.path().join("grain.stl"), bytes).unwrap();
+    let sizes: &[&str] =
+        if long() { &[] } else { &["--size-mm", "0.1", "--size-at-contact-mm", "0.04", "--to-force-n", "3"] };
+    let elastic = pressed(&folder, "elastic", sizes);
+    let with = [sizes, &["--material", "plastic", "--beside", "elastic"]].concat();
+    let plastic = pressed(&folder, "plastic", &with);
+    for (name, r) in [("elastic", &elastic), ("plastic", &plastic)] {
+        let last = r["curve"].as_array().unwrap().last().unwrap();
+        println!(
+            "{name}: {} elements, {} steps, {:.1} s, {:.2} N at {:.2} um, delta_i {:.2} um, balance {:.1e}, motion {:.3} at most",
+            r["elements"],
+            r["steps"],
+            r["wall_s"].as_f64().unwrap(),
+            last["force_n"].as_f64().unwrap(),
+            1e3 * last["approach_mm"].as_f64().unwrap(),
+            1e3 * r["delta_i_mm"].as_f64().unwrap(),
+            r["energy"]["balance_error"].as_f64().unwrap(),
+            r["quasi_static"]["largest"].as_f64().unwrap(),
+        );
+        assert!(r["energy"]["balance_error"].as_f64().unwrap().abs() < 0.01);
+        let energy = |key: &str| r["energy"][key].as_f64().unwrap();
+        assert!(energy("kinetic") < 0.05 * energy("internal"), "{name}");
+        assert!(r["contacts"].as_array().unwrap().len() >= 4, "three below and one above");
+    }
+    let delta = |r: &Value| r["delta_i_mm"].as_f64().unwrap();
+    assert!(delta(&plastic) > delta(&elastic), "{} {}", delta(&plastic), delta(&elastic));
+    if long() {
+        let finer = pressed(&folder, "finer", &["--size-mm", "0.04", "--size-at-contact-mm", "0.012"]);
+        println!("{} elements: delta_i {:.3} um", finer["elements"], 1e3 * delta(&finer));
+        assert!((delta(&finer) / delta(&elastic) - 1.0).abs() < 0.1, "{} {}", delta(&finer), delta(&elastic));
+    }
+}

@@ -1,0 +1,9 @@
+//! Compression between plates: elements and steps against closed forms.
+
+mod bodies;
+mod calculix;
+mod command;
+mod elements;
+mod grain;
+mod press;
+mod sphere;
