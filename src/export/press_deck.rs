@@ -103,7 +103,7 @@ impl Deck<'_> {
         let by = 0.5 * self.approach_mm;
         writeln!(out, "*BOUNDARY, AMPLITUDE=SMOOTH")?;
         for (name, by) in [("LOWER", by), ("UPPER", -by)] {
-            writeln!(out, "{name}_REFERENCE, 3, 3, {by:e}")?;
+            writeln!(out, "{name}_REFERENCE, 3, 3, {by:.9e}")?;
         }
         writeln!(out, "*BOUNDARY")?;
         for name in ["LOWER", "UPPER"] {
@@ -174,7 +174,7 @@ impl Deck<'_> {
         writeln!(out, "*STEP, INC=1000\n*STATIC\n{part}, 1., 1e-6, {part}")?;
         writeln!(out, "*BOUNDARY")?;
         for (name, by) in [("LOWER", 0.5 * self.approach_mm), ("UPPER", -0.5 * self.approach_mm)] {
-            writeln!(out, "{name}_PLATE_NODES, 1, 2\n{name}_PLATE_NODES, 3, 3, {by:e}")?;
+            writeln!(out, "{name}_PLATE_NODES, 1, 2\n{name}_PLATE_NODES, 3, 3, {by:.9e}")?;
         }
         for name in ["LOWER", "UPPER"] {
             writeln!(out, "*NODE PRINT, NSET={name}_PLATE_NODES, TOTALS=ONLY\nRF")?;

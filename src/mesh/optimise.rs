@@ -313,10 +313,14 @@ impl<'a> Smoother<'a> {
 
     /// Moves surface nodes off the surface by what the facets' middles lie within it (or beyond it, in a hollow), so that
     /// facets are neither inscribed nor circumscribed: the volume is right to second order, and the mean distance halved.
-    /// Where the body has an edge or a corner the node goes there instead.
+    /// Where the body has an edge or a corner the node goes there instead. Where a plate will touch, nodes stay on the body:
+    /// it is nodes that a plate meets, and it is to meet them where it would meet the body.
     fn lift(&self, nodes: &mut [Point]) {
         let planes: Vec<Tangent> = (self.facets.par_iter()).map(|f| self.tangent(nodes, f)).collect();
-        let on = |v: &u32| self.colour_of[*v as usize] != INACTIVE && !self.facets_of.get(*v).is_empty();
+        let on = |v: &u32| {
+            let active = self.colour_of[*v as usize] != INACTIVE;
+            active && !self.facets_of.get(*v).is_empty() && !self.targets.touched(nodes[*v as usize].z)
+        };
         let on: Vec<u32> = (0..nodes.len() as u32).filter(on).collect();
         for colour in self.by_colour(&on) {
             let moves: Vec<Option<Point>> = (colour.par_iter())

@@ -31,6 +31,11 @@ pub(super) struct Targets {
 }
 
 impl Targets {
+    /// Whether a plate may touch the body at this height.
+    pub(super) fn touched(&self, z: f64) -> bool {
+        self.contacts.is_some_and(|c| c.distance(z) == 0.0)
+    }
+
     pub(super) fn new(controls: &Controls, contacts: Option<Contacts>) -> Self {
         Self {
             largest_radius_mm: controls.surface_size_mm,
