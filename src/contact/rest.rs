@@ -143,7 +143,7 @@ mod tests {
         let block = cuboid([1.0, 2.0, 3.0]);
         assert!(rotation(&block, &middle(&block)).angle() < 1e-12);
         // The diagonal of the side view leans by atan(2/3) = 33.7°: beyond it the block falls on its broad side.
-        for (tilt_deg, feet) in [(5.0, vec![0, 1, 2, 3]), (50.0, vec![0, 1, 4, 5])] {
+        for (tilt_deg, feet) in [(5.0, vec![0, 1, 2, 3]), (50.0, vec![2, 3, 6, 7])] {
             let tilt = Rotation3::from_euler_angles(f64::to_radians(-tilt_deg), 0.0, 0.0)
                 * Rotation3::from_euler_angles(0.0, 0.01, 0.0);
             let tilted: Vec<Point> = block.iter().map(|p| tilt * p).collect();
