@@ -62,7 +62,7 @@ impl Loading {
     /// How much of the way to the end is done at a sample, 0 to 1.
     pub fn done_at(&self, sample: &Sample) -> f64 {
         let by_force = self.to_force_n.map_or(0.0, |f| (sample.force_n.max(0.0) / f).powf(2.0 / 3.0));
-        let by_approach = self.to_approach_mm.map_or(0.0, |d| sample.end_mm / d);
+        let by_approach = self.to_approach_mm.map_or(0.0, |d| sample.approach_mm / d);
         by_force.max(by_approach).clamp(0.0, 1.0)
     }
 
@@ -287,7 +287,7 @@ impl Press {
     pub fn finished(&self) -> bool {
         let last = self.samples.last();
         self.loading.to_force_n.is_some_and(|f| last.is_some_and(|s| s.force_n >= f))
-            || self.loading.to_approach_mm.is_some_and(|d| self.approach_mm() >= d)
+            || self.loading.to_approach_mm.is_some_and(|d| last.is_some_and(|s| s.approach_mm >= d))
     }
 
     /// Computes until the next sample is there.
@@ -306,8 +306,7 @@ impl Press {
             let half = 0.5 * self.speed_mm_s;
             let did = self.dynamics.step(&self.body, &mut self.plates, [half, -half], self.step_s)?;
             self.stretch.reaction.add(&did);
-            let ended = self.loading.to_approach_mm.is_some_and(|d| self.approach_mm() >= d);
-            if ended || self.dynamics.time_s - self.stretch.from_s >= long_s {
+            if self.dynamics.time_s - self.stretch.from_s >= long_s {
                 self.sample();
                 return Ok(&self.samples[self.samples.len() - 1]);
             }

@@ -35,7 +35,9 @@ fn pressed(
 
 /// The force at an approach of one plate.
 fn force_at(curve: &[[f64; 3]], delta: f64) -> f64 {
-    let w = curve.windows(2).find(|w| w[0][0] <= delta && delta <= w[1][0]).unwrap();
+    let w = curve.windows(2).find(|w| w[0][0] <= delta && delta <= w[1][0]).unwrap_or_else(|| {
+        panic!("{delta} mm is not on the curve from {:?} to {:?}", curve.first(), curve.last())
+    });
     // Between samples the force follows the power 3/2.
     let at = |p: &[f64; 3]| p[1] / p[0].powf(1.5);
     let part = (delta - w[0][0]) / (w[1][0] - w[0][0]);
