@@ -121,8 +121,6 @@ pub struct Sample {
     pub steps: u64,
     /// The approach of the plates in the middle of the stretch, mm.
     pub approach_mm: f64,
-    /// The approach of the plates at the end of the stretch, mm.
-    pub end_mm: f64,
     /// The mean of both plates' forces over the stretch, N.
     pub force_n: f64,
     /// Of the lower plate on the grain, over the stretch, N.
@@ -353,7 +351,6 @@ impl Press {
             time_s: self.dynamics.time_s,
             steps: self.dynamics.steps,
             approach_mm: 0.5 * (stretch.from_mm + approach),
-            end_mm: approach,
             force_n: 0.5 * (lower_n[2] - upper_n[2]),
             lower_n,
             upper_n,
