@@ -50,7 +50,7 @@ pub fn write(
 /// The same in elements of either order.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_order(
     mesh: &TetMesh,
     order: Order,

@@ -23,7 +23,7 @@ pub fn write(mesh: &TriangleMesh, out: impl Write) -> Result<(), ExportError> {
 /// The same with as much of `source` (where the surface comes from; what is not ASCII becomes `?`) as the header holds.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_from(mesh: &TriangleMesh, source: &str, mut out: impl Write) -> Result<(), ExportError> {
     let count = u32::try_from(mesh.triangles.len())
         .map_err(|_| unfit(format!("{} triangles, more than 4294967295", mesh.triangles.len())))?;
