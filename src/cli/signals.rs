@@ -4,7 +4,7 @@ use super::output::say;
 use crate::acquire::{Control, Phase};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{SyncSender, sync_channel};
+use std::sync::mpsc::sync_channel;
 use tokio::runtime::{Builder, Runtime};
 use tokio::signal::unix::{SignalKind, signal};
 
@@ -30,6 +30,39 @@ pub(super) fn survive_file_limit() {
 pub(super) fn stop_flag(said: &'static str) -> Arc<AtomicBool> {
     let flag = Arc::new(AtomicBool::new(false));
     let on_signal = Arc::clone(&flag);
+    each_time(move || {
+        if on_signal.swap(true, Ordering::Relaxed) {
+            std::process::exit(STOPPED);
+        }
+        say(said);
+    });
+    flag
+}
+
+/// A control that Ctrl-C, or the system's wish to end the program, aborts: the view in hand is finished, what
+/// was captured stays. The second time, or where only the computation is left, the program ends at once:
+/// everything durable is whole.
+pub(super) fn stoppable() -> Control {
+    let control = Control::new();
+    let on_signal = control.clone();
+    each_time(move || {
+        if on_signal.phase() == Phase::Complete {
+            say("stopped; all views are captured, `grainrig resume` computes the rest");
+            std::process::exit(STOPPED);
+        }
+        if on_signal.is_aborting() {
+            say("stopped at once; `grainrig resume` goes on with the missing views");
+            std::process::exit(STOPPED);
+        }
+        say("stopping after the view in hand (once more: at once); `grainrig resume` goes on from there");
+        on_signal.abort();
+    });
+    control
+}
+
+/// Does this at each Ctrl-C and each wish of the system to end the program. Where the system gives no handlers, Ctrl-C ends
+/// the program as ever. Returns when somebody listens.
+fn each_time(mut act: impl FnMut() + Send + 'static) {
     let (listening, listens) = sync_channel::<()>(1);
     std::thread::spawn(move || {
         let Ok(runtime) = runtime() else { return };
@@ -40,52 +73,10 @@ pub(super) fn stop_flag(said: &'static str) -> Arc<AtomicBool> {
             drop(listening);
             loop {
                 tokio::select! { _ = interrupt.recv() => {}, _ = terminate.recv() => {}, _ = hangup.recv() => {} }
-                if on_signal.swap(true, Ordering::Relaxed) {
-                    std::process::exit(STOPPED);
-                }
-                say(said);
+                act();
             }
         });
     });
     // Nothing begins before somebody listens, or can't: then the sender is gone.
     let _: Result<(), _> = listens.recv();
-    flag
-}
-
-/// A control that Ctrl-C, or the system's wish to end the program, aborts: the view in hand is finished, what
-/// was captured stays. The second time, or where only the computation is left, the program ends at once:
-/// everything durable is whole.
-pub(super) fn stoppable() -> Control {
-    let control = Control::new();
-    let on_signal = control.clone();
-    let (listening, listens) = sync_channel(1);
-    std::thread::spawn(move || {
-        if let Ok(runtime) = runtime() {
-            // Where the system gives no handlers, Ctrl-C ends the program as ever, and `resume` goes on.
-            let _ = runtime.block_on(stop(&on_signal, listening));
-        }
-    });
-    // Nothing begins before somebody listens, or can't: then the sender is gone.
-    let _: Result<(), _> = listens.recv();
-    control
-}
-
-async fn stop(control: &Control, listening: SyncSender<()>) -> std::io::Result<()> {
-    let mut interrupt = signal(SignalKind::interrupt())?;
-    let mut terminate = signal(SignalKind::terminate())?;
-    let mut hangup = signal(SignalKind::hangup())?;
-    drop(listening);
-    loop {
-        tokio::select! { _ = interrupt.recv() => {}, _ = terminate.recv() => {}, _ = hangup.recv() => {} }
-        if control.phase() == Phase::Complete {
-            say("stopped; all views are captured, `grainrig resume` computes the rest");
-            std::process::exit(STOPPED);
-        }
-        if control.is_aborting() {
-            say("stopped at once; `grainrig resume` goes on with the missing views");
-            std::process::exit(STOPPED);
-        }
-        say("stopping after the view in hand (once more: at once); `grainrig resume` goes on from there");
-        control.abort();
-    }
 }
