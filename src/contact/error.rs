@@ -6,7 +6,7 @@ use crate::mesh::TetFault;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ContactError {
     /// A setting outside its limits.
-    #[error("{name} = {value} {unit}: it must be {limit}; {remedy}")]
+    #[error("{name} = {value}{gap}{unit}: it must be {limit}; {remedy}", gap = if unit.is_empty() { "" } else { " " })]
     Setting {
         /// The setting.
         name: &'static str,

@@ -129,5 +129,6 @@ fn random_surfaces_and_blobs_become_meshes_or_errors() {
     println!(
         "{meshes} meshes, {errors} refused as too thin, empty or out of promise, {refused} surfaces that cut themselves"
     );
-    assert!(meshes > errors / 20, "{meshes} {errors}");
+    // 350 to 94 in 444 bodies: a mesher that refuses every other one is broken.
+    assert!(meshes > 2 * errors, "{meshes} {errors}");
 }
