@@ -225,7 +225,8 @@ impl<'a> Smoother<'a> {
         for &t in self.tets_of.get(v) {
             let tet = self.tets[t as usize];
             let k = tet.iter().position(|n| *n == v).unwrap_or(0);
-            star.add_tet(tet.map(place), k);
+            let spacing_mm = tet.iter().map(|n| self.spacings[*n as usize]).fold(f64::INFINITY, f64::min);
+            star.add_tet(tet.map(place), k, spacing_mm);
         }
     }
 
@@ -234,8 +235,7 @@ impl<'a> Smoother<'a> {
     fn try_node(&self, nodes: &[Point], v: u32, below: f64, directions: &[Vector], star: &mut Star) -> Tried {
         self.gather(nodes, v, star);
         let (from, spacing_mm) = (nodes[v as usize], self.spacings[v as usize]);
-        let targets = self.targets.at(spacing_mm);
-        let now = star.score(&targets, from, f64::NEG_INFINITY);
+        let now = star.score(self.targets, from, f64::NEG_INFINITY);
         if now >= below {
             return Tried::Good;
         }
@@ -247,7 +247,7 @@ impl<'a> Smoother<'a> {
         let (mut best, mut best_score) = (from, now);
         for part in TOWARDS_CENTRE {
             let to = from + flat(centre) * part;
-            let score = star.score(&targets, to, best_score);
+            let score = star.score(self.targets, to, best_score);
             if score > best_score {
                 (best, best_score) = (to, score);
             }
@@ -261,7 +261,7 @@ impl<'a> Smoother<'a> {
                         break 'search;
                     }
                     let to = base + flat(*d) * (step * spacing_mm);
-                    let score = star.score(&targets, to, best_score);
+                    let score = star.score(self.targets, to, best_score);
                     if score > best_score {
                         (best, best_score) = (to, score);
                     }
@@ -279,7 +279,7 @@ impl<'a> Smoother<'a> {
         let mut way = best - from;
         for _ in 0..3 {
             let (to, off) = self.onto_surface(from + way, normal, spacing_mm);
-            if off <= was_off.max(1e-3 * spacing_mm) && star.score(&targets, to, now) > now {
+            if off <= was_off.max(1e-3 * spacing_mm) && star.score(self.targets, to, now) > now {
                 return Tried::Better(to);
             }
             way *= 0.5;
@@ -328,15 +328,14 @@ impl<'a> Smoother<'a> {
                 .map_init(Star::default, |star, &v| {
                     self.gather(nodes, v, star);
                     let (from, spacing_mm) = (nodes[v as usize], self.spacings[v as usize]);
-                    let targets = self.targets.at(spacing_mm);
                     let normal = star.normal(from, 1e-12 * spacing_mm * spacing_mm)?;
                     let around = self.facets_of.get(v).iter().map(|&f| planes[f as usize]);
                     let count = around.len() as f64;
-                    let now = star.score(&targets, from, f64::NEG_INFINITY);
+                    let now = star.score(self.targets, from, f64::NEG_INFINITY);
                     if let Some(way) = to_edge(around.clone(), from, EDGE_REACH * spacing_mm) {
                         for part in TO_EDGE {
                             let to = from + way * part;
-                            if star.score(&targets, to, f64::NEG_INFINITY) >= now.min(AT_EDGE) {
+                            if star.score(self.targets, to, f64::NEG_INFINITY) >= now.min(AT_EDGE) {
                                 return Some(to);
                             }
                         }
@@ -345,7 +344,7 @@ impl<'a> Smoother<'a> {
                     let mean = around.map(|p| p.depth).sum::<f64>() / count;
                     let most = MOST_LIFT * spacing_mm;
                     let to = from + normal * (MEAN_OVER_CENTRE * mean).clamp(-most, most);
-                    (star.score(&targets, to, f64::NEG_INFINITY) >= now.min(1.0)).then_some(to)
+                    (star.score(self.targets, to, f64::NEG_INFINITY) >= now.min(1.0)).then_some(to)
                 })
                 .collect();
             for (&v, to) in colour.iter().zip(moves) {

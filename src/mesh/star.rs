@@ -16,7 +16,8 @@ const FACET_MARGIN_DEG: f64 = 3.0;
 /// The same for the smallest altitude, in lattice spacings; a lattice tetrahedron has 0.707.
 const TARGET_ALTITUDE: f64 = 0.295;
 
-/// What a score is measured against: 1 is good enough to be left alone.
+/// What a score is measured against: 1 is good enough to be left alone. It is the same seen from every node of a
+/// tetrahedron: were it not, what one node gains would be another's loss.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Targets {
     largest_radius_mm: f64,
@@ -25,7 +26,6 @@ pub(super) struct Targets {
     promised_sine: f64,
     facet_sine: f64,
     tet_sine: f64,
-    altitude_mm: f64,
     /// Where facets must be smaller.
     contacts: Option<Contacts>,
 }
@@ -43,18 +43,27 @@ impl Targets {
             promised_sine: controls.facet_angle_deg.to_radians().sin() * (1.0 + 1e-9),
             facet_sine: (controls.facet_angle_deg + FACET_MARGIN_DEG).to_radians().sin(),
             tet_sine: TARGET_DIHEDRAL_DEG.to_radians().sin(),
-            altitude_mm: 0.0,
             contacts,
         }
     }
 
-    /// The targets at a node where the grid has this spacing, mm.
-    pub(super) fn at(&self, spacing_mm: f64) -> Self {
-        Self { altitude_mm: TARGET_ALTITUDE * spacing_mm, ..*self }
+    /// The score of a facet: its least angle over the target, negative where a promised size or angle is broken; NaN
+    /// without area.
+    pub(super) fn facet_score(&self, facet: &[Point; 3]) -> f64 {
+        let (radius, sine) = score::circumradius_and_least_sine(facet);
+        let excess = radius / self.radius_mm(facet);
+        // A broken promise comes before everything that is only wished for.
+        if excess.is_nan() || excess > 1.0 {
+            1.0 - excess
+        } else if sine < self.promised_sine {
+            sine / self.promised_sine - 1.0
+        } else {
+            sine / self.facet_sine
+        }
     }
 
     /// The largest circumradius of a facet, mm.
-    pub(super) fn radius_mm(&self, facet: &[Point; 3]) -> f64 {
+    fn radius_mm(&self, facet: &[Point; 3]) -> f64 {
         match &self.contacts {
             Some(c) if facet.iter().all(|p| c.distance(p.z) == 0.0) => c.size_mm,
             _ => self.largest_radius_mm,
@@ -73,6 +82,8 @@ struct Spoke {
     fixed: [f64; 3],
     /// Squared norm of twice the area vector of b, c, d.
     base: f64,
+    /// The altitude that is asked for, mm.
+    altitude_mm: f64,
 }
 
 /// Everything around a node that its place changes.
@@ -98,13 +109,12 @@ impl Star {
         self.facets.push([p[(k + 1) % 3], p[(k + 2) % 3]]);
     }
 
-    /// Adds a tetrahedron by the places of its four nodes, of which `k` is the moving one.
-    pub(super) fn add_tet(&mut self, p: [Point; 4], k: usize) {
+    /// Adds a tetrahedron by the places of its four nodes, of which `k` is the moving one, and the least spacing of the
+    /// grid at them.
+    pub(super) fn add_tet(&mut self, p: [Point; 4], k: usize, spacing_mm: f64) {
         // Even permutations that bring node k to the front.
         const TURNED: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [1, 0, 2]];
-        let [b, c, d] = TURNED[k].map(|i| p[i]);
-        let fixed = [(d - c).norm_squared(), (d - b).norm_squared(), (c - b).norm_squared()];
-        self.tets.push(Spoke { b, c, d, fixed, base: (c - b).cross(&(d - b)).norm_squared() });
+        self.tets.push(Spoke::new(TURNED[k].map(|i| p[i]), spacing_mm));
     }
 
     /// Whether the node lies on the surface.
@@ -150,20 +160,10 @@ impl Star {
     fn facets_score(&mut self, targets: &Targets, at: Point, floor: f64) -> f64 {
         let mut least = f64::INFINITY;
         for [p, q] in &self.facets {
-            let facet = [at, *p, *q];
-            let (radius, sine) = score::circumradius_and_least_sine(&facet);
-            let excess = radius / targets.radius_mm(&facet);
-            // A broken promise comes before everything that is only wished for.
-            let one = if excess > 1.0 {
-                1.0 - excess
-            } else if sine < targets.promised_sine {
-                sine / targets.promised_sine - 1.0
-            } else {
-                sine / targets.facet_sine
-            };
+            let one = targets.facet_score(&[at, *p, *q]);
             least = least.min(one);
-            // A facet without area has no radius: not a number, which `min` would pass over.
-            if least < floor || radius.is_nan() {
+            // A facet without area has no score: not a number, which `min` would pass over.
+            if least < floor || one.is_nan() {
                 self.tets_first = false;
                 return f64::NEG_INFINITY;
             }
@@ -187,6 +187,12 @@ impl Star {
 }
 
 impl Spoke {
+    fn new([b, c, d]: [Point; 3], spacing_mm: f64) -> Self {
+        let fixed = [(d - c).norm_squared(), (d - b).norm_squared(), (c - b).norm_squared()];
+        let base = (c - b).cross(&(d - b)).norm_squared();
+        Self { b, c, d, fixed, base, altitude_mm: TARGET_ALTITUDE * spacing_mm }
+    }
+
     fn score(&self, targets: &Targets, at: Point) -> f64 {
         let (b, c, d) = (self.b - at, self.c - at, self.d - at);
         // Twice the area vectors of the faces opposite to b, c, d.
@@ -213,7 +219,7 @@ impl Spoke {
         ];
         let least = squares.into_iter().fold(f64::INFINITY, f64::min).sqrt();
         let largest = n.into_iter().fold(self.base, f64::max).sqrt();
-        six_volumes * (least / targets.tet_sine).min(1.0 / (largest * targets.altitude_mm))
+        six_volumes * (least / targets.tet_sine).min(1.0 / (largest * self.altitude_mm))
     }
 }
 
@@ -229,7 +235,7 @@ mod tests {
             tet_volume_mm3: 10.0,
             ..Controls::for_size(1.0)
         };
-        let targets = Targets::new(&controls, None).at(1.0);
+        let targets = Targets::new(&controls, None);
         let score = |least_angle_deg: f64| {
             let mut star = Star::default();
             let up = (0.5 * least_angle_deg).to_radians().tan();
@@ -249,26 +255,25 @@ mod tests {
             tet_volume_mm3: 10.0,
             ..Controls::for_size(1.0)
         };
-        let targets = Targets::new(&controls, None).at(0.01);
+        let targets = Targets::new(&controls, None);
         let refused = |score: f64| score.is_infinite() && score < 0.0;
         let (volume, sine) = score::volume_and_least_sine(&p);
         assert!(volume > 0.0);
         for k in 0..4 {
             let mut star = Star::default();
-            star.add_tet(p, k);
+            star.add_tet(p, k, 0.01);
             let s = star.score(&targets, p[k], f64::NEG_INFINITY);
             assert!((s * targets.tet_sine / sine - 1.0).abs() < 1e-12, "{k}: {s} {sine}");
             // The floor refuses, and a mirrored node is inside out.
             assert!(refused(star.score(&targets, p[k], s + 1e-9)));
         }
         // With a coarse lattice the altitude is what is short: 6 V over twice the largest face.
-        let coarse = Targets::new(&controls, None).at(100.0);
         let largest = score::face_vectors(&p).iter().map(nalgebra::Matrix::norm).fold(0.0, f64::max);
         let mut star = Star::default();
-        star.add_tet(p, 0);
-        let s = star.score(&coarse, p[0], f64::NEG_INFINITY);
+        star.add_tet(p, 0, 100.0);
+        let s = star.score(&targets, p[0], f64::NEG_INFINITY);
         assert!((s * 100.0 * TARGET_ALTITUDE / (6.0 * volume / largest) - 1.0).abs() < 1e-12, "{s}");
         let beyond = Point::new(0.5, 0.5, 0.5);
-        assert!(refused(star.score(&coarse, beyond, f64::NEG_INFINITY)));
+        assert!(refused(star.score(&targets, beyond, f64::NEG_INFINITY)));
     }
 }
