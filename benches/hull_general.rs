@@ -8,7 +8,7 @@
 
 mod common;
 
-use common::{median_s, tell, views_by};
+use common::{median_s, most_memory_mb, tell, views_by};
 use grainrig::geometry::Point;
 use grainrig::hull::{Cone, HullGrid, find_bounds};
 use grainrig::rig::simulated::Settings;
@@ -81,13 +81,6 @@ fn tell_work<T>(what: &str, run: impl FnOnce() -> T) -> T {
         println!("    {what}: the processors worked {:.1} ms", 1e3 * (after - before));
     }
     made
-}
-
-/// Memory of this process at its most so far, MB, where the system tells.
-fn most_memory_mb() -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
-    Some(line.split_whitespace().nth(1)?.parse::<f64>().ok()? / 1024.0)
 }
 
 fn main() {

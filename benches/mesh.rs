@@ -10,7 +10,7 @@
 
 mod common;
 
-use common::{median_s, tell, views};
+use common::{median_s, most_memory_mb, tell, views};
 use grainrig::geometry::ImplicitBody;
 use grainrig::hull::{VisualHull, find_bounds};
 use grainrig::mesh::{Controls, Solid, mesh};
@@ -68,6 +68,9 @@ fn main() {
     });
     let sorting_one_s = sorting / SORTED as f64;
     bench("hull of 25 views", &hull, diameter_mm, sorting_one_s);
+    if let Some(mb) = most_memory_mb() {
+        println!("{:<22} {mb:.0} MB of memory at most until here", "");
+    }
     let usual = Controls::for_size(2.0 * diameter_mm);
     let graded = Controls { size_at_contact_mm: Some(0.125 * usual.surface_size_mm), ..usual };
     one("hull, fine contacts", &hull, &graded, sorting_one_s);

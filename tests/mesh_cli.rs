@@ -233,3 +233,59 @@ fn every_kind_of_file_is_written_and_meshes_and_surfaces_are_read_back() {
         assert!(result["time_step_quartz_s"].as_f64().unwrap() > 0.0, "{file}");
     }
 }
+
+/// A ball of voxels as NRRD: `half` across its radius in voxels of 20 µm, in grey values.
+fn nrrd(half: i32, encoding: &str, extra: &str, value: impl Fn(f64) -> u8) -> Vec<u8> {
+    let n = 2 * half + 6;
+    let samples: Vec<u8> = (0..n * n * n)
+        .map(|i| [i % n, i / n % n, i / n / n].map(|x| f64::from(x) - f64::from(n - 1) / 2.0))
+        .map(|c| value(c.iter().map(|x| x * x).sum::<f64>().sqrt()))
+        .collect();
+    let data = if encoding == "gzip" {
+        let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        std::io::Write::write_all(&mut packed, &samples).unwrap();
+        packed.finish().unwrap()
+    } else {
+        samples
+    };
+    let header =
+        format!("NRRD0004\ntype: uchar\ndimension: 3\nsizes: {n} {n} {n}\nencoding: {encoding}\n{extra}\n\n");
+    [header.as_bytes(), &data].concat()
+}
+
+#[test]
+fn voxels_become_a_mesh_of_their_volume() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let mm = "space directions: (0.02,0,0) (0,0.02,0) (0,0,0.02)\nspace units: \"mm\" \"mm\" \"mm\"";
+    let solid = |r: f64| u8::from(r < 25.0);
+    let grey = |r: f64| (200.0 - 4.0 * r).clamp(0.0, 255.0) as u8;
+    fs::write(at.join("a.nrrd"), nrrd(25, "raw", mm, solid)).unwrap();
+    // The same in micrometres, packed, in whole grey values: from 100 on it is within 25 voxels.
+    fs::write(at.join("b.nrrd"), nrrd(25, "gzip", "spacings: 20 20 20", grey)).unwrap();
+    let mut made = Vec::new();
+    for (name, more) in [("a.nrrd", &[][..]), ("b.nrrd", &["--threshold", "99.5", "--unit", "um"])] {
+        let out = grainrig(at, &[&["mesh", name, "--json", "--out", "m.inp"][..], more].concat());
+        assert!(out.status.success(), "{name}: {}", String::from_utf8_lossy(&out.stderr));
+        let result: Value = serde_json::from_slice(&out.stdout).unwrap();
+        let counted = result["input_volume_mm3"].as_f64().unwrap();
+        assert!((counted / (4.0 / 3.0 * std::f64::consts::PI * 0.125) - 1.0).abs() < 0.005, "{counted}");
+        // Smoothing takes half a percent at this resolution.
+        let volume = result["volume_mm3"].as_f64().unwrap();
+        assert!((-0.01..0.0).contains(&(volume / counted - 1.0)), "{volume} of {counted}");
+        assert!(result["distance_from_input_mm"]["max_mm"].as_f64().unwrap() < 0.02, "{result}");
+        made.push(volume);
+    }
+    assert!((made[0] / made[1] - 1.0).abs() < 0.005, "{made:?}");
+
+    fs::write(at.join("grey.nrrd"), nrrd(9, "raw", mm, |r| (200.0 - 4.0 * r) as u8)).unwrap();
+    refused(at, &["mesh", "grey.nrrd"], 1, &["grey.nrrd", "many values", "--threshold"]);
+    refused(at, &["mesh", "grey.nrrd", "--threshold", "999"], 1, &["no voxel is above 999"]);
+    fs::write(at.join("inches.nrrd"), nrrd(9, "raw", &mm.replace("mm", "in"), |r| u8::from(r < 9.0)))
+        .unwrap();
+    refused(at, &["mesh", "inches.nrrd"], 1, &["its unit is `in`", "space units"]);
+    fs::write(at.join("bare.nrrd"), nrrd(9, "raw", "# nothing", |r| u8::from(r < 9.0))).unwrap();
+    refused(at, &["mesh", "bare.nrrd"], 1, &["how large its voxels are", "spacings"]);
+    fs::write(at.join("ball.stl"), written(&ball())).unwrap();
+    refused(at, &["mesh", "ball.stl", "--threshold", "1"], 2, &["--threshold goes with voxels"]);
+}

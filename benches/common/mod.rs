@@ -69,3 +69,11 @@ pub fn views_by(settings: &Settings, count: usize) -> (Vec<Cone>, TruthHandle) {
         .collect();
     (cones, truth)
 }
+
+/// Memory of this process at its most so far, MB, where the system tells.
+#[allow(dead_code)]
+pub fn most_memory_mb() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
+    Some(line.split_whitespace().nth(1)?.parse::<f64>().ok()? / 1024.0)
+}

@@ -1,14 +1,13 @@
 //! `grainrig mesh`.
 
-use super::mesh_files::{Made, READ, check_output, ending, read, whole};
-use super::output::{print, print_json, say};
+use super::mesh_files::{Input, Made, READ, check_output, ending, open, whole};
+use super::output::{print, print_json};
 use super::progress::Progress;
 use super::reconstruct::MeshOptions;
 use super::{Common, usage};
 use crate::daemon::{self, Finished};
 use crate::export::{inp, inp_read};
-use crate::geometry::{ImplicitBody as _, Point};
-use crate::mesh::{Controls, Distances, MeshError, Solid, mesh};
+use crate::mesh::{Controls, Distances, mesh};
 use crate::pipeline::MeshResult;
 use crate::report::{Sheet, mesh_sheet};
 use crate::session::sha256_hex;
@@ -23,7 +22,7 @@ const COARSE: f64 = 2.0;
 /// Options of `mesh`.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// A closed surface (.stl, .ply), a mesh whose surface is taken (.inp, .msh), or a session.
+    /// A closed surface (.stl, .ply), a mesh whose surface is taken (.inp, .msh), voxels (.nrrd), or a session.
     input: PathBuf,
     #[command(flatten)]
     mesh: MeshOptions,
@@ -33,9 +32,12 @@ pub struct Arguments {
     /// Nodes of a tetrahedron in .inp, .msh and .vtu: 1 for four, 2 for ten.
     #[arg(long, value_name = "1|2", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
     order: u8,
-    /// Unit of the file's numbers; what is written is in mm.
+    /// Unit of the file's numbers, unless voxels state theirs; what is written is in mm.
     #[arg(long, value_enum, default_value_t = Unit::Mm)]
     unit: Unit,
+    /// Voxels above this value are the grain; needed unless there are just two values.
+    #[arg(long, allow_negative_numbers = true)]
+    threshold: Option<f64>,
     /// Files to write; the ending says what: .inp (Abaqus), .vtu (`ParaView`), .msh (Gmsh), .stl, .ply, .glb (surfaces),
     /// .svg, .png (histograms of its quality). By default NAME.inp here for a surface; a session has its products in its
     /// own folder.
@@ -86,33 +88,19 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         return of_session(common, arguments);
     }
     let start = Instant::now();
-    let (surface, bytes) = read(input, arguments.unit)?;
     let name = || input.display().to_string();
-    let (solid, inwards) = Solid::turned_outwards(surface).with_context(name)?;
-    if inwards {
-        say(format!("{}: it was inside out; all its triangles are turned outwards", input.display()));
-    }
-    if let Some([first, second]) = solid.crossing() {
-        let place = solid.surface().corners(first)[0];
-        return Err(MeshError::Crossing { first, second, place }).with_context(name);
-    }
-    let volume_mm3 = solid.surface().volume_mm3();
+    let Input { body, volume_mm3, what, box_mm, places, turned, bytes } =
+        open(input, arguments.unit, arguments.threshold)?;
     let coarser = if arguments.preset == Some(Preset::Coarse) { COARSE } else { 1.0 };
     let diameter_mm = coarser * (6.0 * volume_mm3 / std::f64::consts::PI).cbrt();
     let controls = arguments.mesh.settings().unwrap_or_default().controls(diameter_mm);
     controls.check().map_err(usage)?;
     let bar = super::progress::percent("meshing");
-    let made =
-        mesh(&solid, &controls, &mut |done| bar.set_position((done * 100.0) as u64)).with_context(name)?;
+    let made = mesh(body.as_ref(), &controls, &mut |done| bar.set_position((done * 100.0) as u64))
+        .with_context(name)?;
     let seconds = start.elapsed().as_secs_f64();
     bar.finish_and_clear();
-    let triangles = 0..solid.surface().triangles.len();
-    let places: Vec<Point> = triangles
-        .map(|t| solid.surface().corners(t))
-        .map(|[a, b, c]| Point::from((a.coords + b.coords + c.coords) / 3.0))
-        .chain(solid.surface().vertices.iter().copied())
-        .collect();
-    let distances = Distances::measure(&solid, &made, &places).with_context(name)?;
+    let distances = Distances::measure(body.as_ref(), &made, &places).with_context(name)?;
     let result = MeshResult::new(&made, &controls, true);
     let said = Said { result: &result, distances: &distances, volume_mm3, made_mm3: made.volume_mm3() };
     let software = concat!("grainrig ", env!("CARGO_PKG_VERSION"));
@@ -121,7 +109,7 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         format!("sha256 of the input {}", sha256_hex(&bytes)),
         format!("controls {}", serde_json::to_string(&controls)?),
     ];
-    if inwards {
+    if turned {
         provenance.push("the input was inside out and has been turned".to_owned());
     }
     let sheet = said.sheet(&made, &format!("Mesh of {}", input.display()));
@@ -133,14 +121,13 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         object["input_volume_mm3"] = volume_mm3.into();
         object["distance_to_input_mm"] = serde_json::to_value(distances.to_body)?;
         object["distance_from_input_mm"] = serde_json::to_value(distances.from_body)?;
-        object["turned_outwards"] = inwards.into();
+        object["turned_outwards"] = turned.into();
         object["seconds"] = seconds.into();
         object["files"] = outputs.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().into();
         return print_json(&object);
     }
-    let box_mm = solid.bounds().size();
     let mut lines = vec![format!(
-        "surface    {:.4} × {:.4} × {:.4} mm, {volume_mm3:.5} mm³",
+        "{what:<10} {:.4} × {:.4} × {:.4} mm, {volume_mm3:.5} mm³",
         box_mm.x, box_mm.y, box_mm.z
     )];
     lines.extend(said.lines(seconds));
@@ -156,9 +143,10 @@ fn band(controls: &Controls) -> f64 {
 /// Makes the mesh of a session's hull again, and writes what was asked for beside its products.
 fn of_session(common: &Common, arguments: &Arguments) -> Result<()> {
     let input = &arguments.input;
-    if arguments.unit != Unit::Mm || arguments.preset.is_some() {
+    if arguments.unit != Unit::Mm || arguments.preset.is_some() || arguments.threshold.is_some() {
         return Err(usage(format!(
-            "{}: --unit and --preset go with a file (ending .stl, .ply, .inp or .msh); a session knows its scale",
+            "{}: --unit, --preset and --threshold go with a file (ending .stl, .ply, .inp, .msh or .nrrd); a session knows \
+             its scale",
             input.display()
         )));
     }

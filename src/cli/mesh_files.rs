@@ -1,18 +1,19 @@
 //! Files of surfaces and meshes by their endings.
 
 use super::mesh::Unit;
+use super::output::say;
 use super::usage;
-use crate::export::{glb, inp, inp_read, msh, ply, stl, vtu};
-use crate::geometry::TriangleMesh;
-use crate::mesh::{MOST_TRIANGLES, MeshError, TetMesh};
+use crate::export::{glb, inp, inp_read, msh, nrrd, ply, stl, vtu};
+use crate::geometry::{ImplicitBody, Point, TriangleMesh, Vector};
+use crate::mesh::{MOST_TRIANGLES, MeshError, Solid, TetMesh, Voxels};
 use crate::report::Sheet;
 use crate::session::write_whole;
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, anyhow};
 use std::io::Read as _;
 use std::path::Path;
 
-/// Endings of surfaces that are read, and of everything that is written.
-pub(super) const READ: [&str; 4] = ["stl", "ply", "inp", "msh"];
+/// Endings of surfaces and voxels that are read, and of everything that is written.
+pub(super) const READ: [&str; 5] = ["stl", "ply", "inp", "msh", "nrrd"];
 pub(super) const WRITTEN: [&str; 8] = ["inp", "vtu", "msh", "stl", "ply", "glb", "svg", "png"];
 
 /// The ending of a file's name, in small letters.
@@ -48,6 +49,100 @@ pub(super) fn read(path: &Path, unit: Unit) -> Result<(TriangleMesh, Vec<u8>)> {
     };
     surface.vertices.iter_mut().for_each(|p| p.coords *= unit.in_mm());
     Ok((surface, bytes))
+}
+
+/// A body as a file has it.
+pub(super) struct Input {
+    pub(super) body: Box<dyn ImplicitBody>,
+    pub(super) volume_mm3: f64,
+    /// What `volume_mm3` is the volume of.
+    pub(super) what: &'static str,
+    pub(super) box_mm: Vector,
+    /// Places on its surface, from which distances to a mesh are measured.
+    pub(super) places: Vec<Point>,
+    /// Whether its triangles faced inwards and were turned.
+    pub(super) turned: bool,
+    pub(super) bytes: Vec<u8>,
+}
+
+/// Opens a body: a closed surface, the surface of a mesh, or voxels.
+pub(super) fn open(path: &Path, unit: Unit, threshold: Option<f64>) -> Result<Input> {
+    if ending(path) == "nrrd" {
+        return voxels(path, unit, threshold);
+    }
+    if threshold.is_some() {
+        return Err(usage(format!("{}: --threshold goes with voxels (.nrrd)", path.display())));
+    }
+    let (surface, bytes) = read(path, unit)?;
+    let (solid, turned) = outwards(surface, path)?;
+    let surface = solid.surface();
+    let middles = (0..surface.triangles.len())
+        .map(|t| surface.corners(t))
+        .map(|[a, b, c]| Point::from((a.coords + b.coords + c.coords) / 3.0));
+    Ok(Input {
+        volume_mm3: surface.volume_mm3(),
+        what: "surface",
+        box_mm: solid.bounds().size(),
+        places: middles.chain(surface.vertices.iter().copied()).collect(),
+        turned,
+        bytes,
+        body: Box::new(solid),
+    })
+}
+
+/// The closed surface of a file, facing outwards, and whether it was inside out, which is said.
+pub(super) fn outwards(surface: TriangleMesh, path: &Path) -> Result<(Solid, bool)> {
+    let name = || path.display().to_string();
+    let (solid, inwards) = Solid::turned_outwards(surface).with_context(name)?;
+    if inwards {
+        say(format!("{}: it was inside out; all its triangles are turned outwards", path.display()));
+    }
+    if let Some([first, second]) = solid.crossing() {
+        let place = solid.surface().corners(first)[0];
+        return Err(MeshError::Crossing { first, second, place }).with_context(name);
+    }
+    Ok((solid, inwards))
+}
+
+/// Voxels: what is above the threshold is the body.
+fn voxels(path: &Path, unit: Unit, threshold: Option<f64>) -> Result<Input> {
+    let name = || path.display().to_string();
+    let bytes = std::fs::read(path).with_context(|| format!("cannot read {}; check the path", name()))?;
+    let volume = nrrd::read(&bytes).with_context(name)?;
+    let in_mm = match volume.unit.as_deref() {
+        None => unit.in_mm(),
+        Some(word) => match word.to_lowercase().as_str() {
+            "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => 1.0,
+            "um" | "µm" | "μm" | "micron" | "microns" | "micrometer" | "micrometers" => 1e-3,
+            "m" | "meter" | "meters" | "metre" | "metres" => 1e3,
+            _ => {
+                return Err(anyhow!("its unit is `{word}`, not mm, µm or m: correct its `space units`"))
+                    .with_context(name);
+            }
+        },
+    };
+    let pitch = volume.pitch.ok_or_else(|| {
+        anyhow!("it does not say how large its voxels are: add a field `spacings: P P P`, P in the unit that --unit says")
+    });
+    let pitch_mm = pitch.with_context(name)? * in_mm;
+    let least = threshold.or_else(|| volume.between_two_values()).ok_or_else(|| {
+        let (low, high) = volume
+            .samples()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), s| (low.min(s), high.max(s)));
+        anyhow!("it has many values, from {low} to {high}: say with --threshold above which one the grain is")
+    });
+    let least = least.with_context(name)?;
+    let inside: Vec<bool> = volume.samples().map(|s| s > least).collect();
+    let origin = Point::from(volume.origin) * in_mm;
+    let size = volume.size;
+    drop(volume);
+    let body = Voxels::new(origin, pitch_mm, size, &inside).with_context(name)?;
+    let volume_mm3 = body.volume_mm3();
+    if volume_mm3 == 0.0 {
+        return Err(anyhow!("no voxel is above {least}: give another --threshold")).with_context(name);
+    }
+    let (box_mm, places) = (Vector::from(size.map(|n| n as f64)) * pitch_mm, body.places());
+    Ok(Input { volume_mm3, what: "voxels", box_mm, places, turned: false, bytes, body: Box::new(body) })
 }
 
 /// What is written of a mesh.

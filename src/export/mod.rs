@@ -1,4 +1,5 @@
-//! Files for other programs: Abaqus and `CalculiX` decks, VTK, Gmsh, STL, PLY, glTF; and some of them read back.
+//! Files for other programs: Abaqus and `CalculiX` decks, VTK, Gmsh, STL, PLY, glTF; some of them read back, and voxels
+//! read.
 //!
 //! The writers know no paths: each writes to anything that takes bytes, and the same input gives the same bytes.
 
@@ -7,6 +8,7 @@ pub mod glb;
 pub mod inp;
 pub mod inp_read;
 pub mod msh;
+pub mod nrrd;
 pub mod ply;
 pub mod press_deck;
 pub mod pvd;

@@ -2,17 +2,20 @@
 
 use super::MeshError;
 use crate::geometry::{Aabb, ImplicitBody, Point, Vector};
+use rayon::prelude::*;
 
 /// A body of voxels, its staircase smoothed: the value is half less how much of the voxels about the place is filled
-/// (weighted as 1 2 1 along each axis, linear between), times the pitch. Smoothing moves a surface with radius of
-/// curvature r inwards by about 0.7 pitch²/r: a ball of 30 voxels across loses 1 % of its volume. What is thinner than a
-/// voxel is lost.
+/// (weighted as 1 2 1 along each axis, linear between), times two pitches: about the distance where the surface faces along
+/// an axis. Smoothing moves a surface with radius of curvature r inwards by about 0.7 pitch²/r: a ball of 30 voxels across
+/// loses 1 % of its volume. What is thinner than a voxel is lost.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Voxels {
     /// The centre of the first voxel.
     origin: Point,
     pitch_mm: f64,
     size: [usize; 3],
+    /// How many are filled.
+    count: usize,
     /// `[z, y, x]`: how much of the 27 voxels around each, weighted as 1 2 1 along each axis, is filled.
     filled: Vec<f32>,
 }
@@ -42,7 +45,36 @@ impl Voxels {
                 *f = 0.25 * (low + 2.0 * before[i] + high);
             }
         }
-        Ok(Self { origin, pitch_mm, size, filled })
+        let count = inside.iter().filter(|b| **b).count();
+        Ok(Self { origin, pitch_mm, size, count, filled })
+    }
+
+    /// The volume of the voxels that are filled, before smoothing, mm³: what smoothing moves from one to another stays.
+    pub fn volume_mm3(&self) -> f64 {
+        self.count as f64 * self.pitch_mm.powi(3)
+    }
+
+    /// Places on the smoothed surface: where it crosses the lines between the centres of neighbouring voxels.
+    pub fn places(&self) -> Vec<Point> {
+        let [nx, ny, nz] = self.size.map(|n| n as i64);
+        let of_layer = |z: i64| {
+            let mut out = Vec::new();
+            for (y, x) in (-1..ny).flat_map(|y| (-1..nx).map(move |x| (y, x))) {
+                let here = self.at([x, y, z]) - 0.5;
+                for k in 0..3 {
+                    let mut next = [x, y, z];
+                    next[k] += 1;
+                    let there = self.at(next) - 0.5;
+                    if (here < 0.0) != (there < 0.0) {
+                        let mut way = Vector::new(x as f64, y as f64, z as f64);
+                        way[k] += here / (here - there);
+                        out.push(self.origin + way * self.pitch_mm);
+                    }
+                }
+            }
+            out
+        };
+        (-1..nz).into_par_iter().flat_map_iter(of_layer).collect()
     }
 
     fn at(&self, c: [i64; 3]) -> f64 {
@@ -65,7 +97,7 @@ impl ImplicitBody for Voxels {
             let weight: f64 = (0..3).map(|k| if bit(k) == 1 { part[k] } else { 1.0 - part[k] }).product();
             sum += weight * self.at(std::array::from_fn(|k| low[k] as i64 + bit(k)));
         }
-        (0.5 - sum) * self.pitch_mm
+        2.0 * (0.5 - sum) * self.pitch_mm
     }
     fn bounds(&self) -> Aabb {
         let size = Vector::from(self.size.map(|n| n as f64)) * self.pitch_mm;
@@ -89,11 +121,17 @@ mod tests {
             .collect();
         let voxels = Voxels::new(Point::origin(), 0.02, [n; 3], &inside).unwrap();
         let made = mesh(&voxels, &Controls::for_size(1.2), &mut |_| ()).unwrap();
-        let counted = inside.iter().filter(|b| **b).count() as f64 * 0.02f64.powi(3);
-        assert!((made.volume_mm3() / counted - 1.0).abs() < 0.02, "{} {counted}", made.volume_mm3());
+        let counted = voxels.volume_mm3();
+        assert!((counted / (4.0 / 3.0 * std::f64::consts::PI * 0.027) - 1.0).abs() < 0.01, "{counted}");
+        assert!((made.volume_mm3() / counted - 1.0).abs() < 0.012, "{} {counted}", made.volume_mm3());
         let middle = Vector::repeat(19.5 * 0.02);
         for p in made.surface().triangles.vertices {
             assert!(((p.coords - middle).norm() - 0.3).abs() < 0.01, "{p}");
+        }
+        let places = voxels.places();
+        assert!(places.len() > 5000);
+        for p in places {
+            assert!(voxels.value(&p).abs() < 1e-7 && ((p.coords - middle).norm() - 0.3).abs() < 0.01, "{p}");
         }
     }
 
