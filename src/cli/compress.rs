@@ -117,7 +117,7 @@ impl From<Kind> for CompressMaterial {
 pub(super) fn run(common: &Common, a: &Arguments) -> Result<()> {
     let others = others(a)?;
     let stop = super::signals::stop_flag(
-        "stopping after the sample in hand; `grainrig compress --resume` goes on from there",
+        "stopping; the same command again, or `grainrig compress --resume`, goes on from there",
     );
     let bar = super::progress::percent("compressing");
     let mut compression = if let Some(folder) = &a.resume {

@@ -115,7 +115,8 @@ impl CompressionStatus {
 
 pub(super) fn routes() -> Router<App> {
     Router::new()
-        .route("/sessions/{id}/compressions", get(list).post(start))
+        .route("/sessions/{id}/compressions", get(list))
+        .route("/sessions/{id}/compressions", post(start))
         .route("/sessions/{id}/compressions/{name}", get(one))
         .route("/sessions/{id}/compressions/{name}/resume", post(resume))
         .route("/sessions/{id}/compressions/{name}/files/{file}", get(file))
@@ -249,4 +250,33 @@ fn checked(path: Result<Path<(String, String)>, PathRejection>) -> Result<(Strin
     check_name("session", &id, SESSION_NAME_LIMIT)?;
     check_name("compression", &name, SESSION_NAME_LIMIT)?;
     Ok((id, name))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The page says the figures that are taken where nothing is said: they must be the daemon's own.
+    #[test]
+    fn the_pages_form_has_the_usual_figures() {
+        let usual = serde_json::to_value(CompressRequest::default()).unwrap();
+        let page = include_str!("../../web/index.html");
+        let mut seen = 0;
+        for input in page.split("<input id=\"press-").skip(1).map(|rest| rest.split('>').next().unwrap()) {
+            let attribute = |name: &str| {
+                let (_, rest) = input.split_once(&format!(" {name}=\""))?;
+                Some(rest.split('"').next().unwrap().to_owned())
+            };
+            let name = attribute("name").unwrap();
+            let shown = attribute("value").map(|value| value.parse::<f64>().unwrap());
+            let expected = match name.as_str() {
+                // Where neither force nor approach is given.
+                "to_force_n" => crate::contact::Loading::default().to_force_n,
+                _ => usual.get(&name).unwrap_or_else(|| panic!("there is no {name}")).as_f64(),
+            };
+            assert_eq!(shown, expected, "{name}");
+            seen += 1;
+        }
+        assert!(seen > 8, "{seen} fields");
+    }
 }

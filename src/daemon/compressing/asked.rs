@@ -1,8 +1,6 @@
 //! What is asked of a compression, and the folder that is claimed for it.
 
-use super::{
-    CompressInput, CompressResult, CompressSettings, Compression, DaemonError, MESH, Placing, RESULT, RUN,
-};
+use super::{CompressInput, CompressSettings, Compression, DaemonError, MESH, Placing, RESULT, RUN};
 use crate::contact::{ContactError, Loading, Material, Plates};
 use crate::session::{Held, LOCK, hold, write_whole};
 use serde::{Deserialize, Serialize};
@@ -167,9 +165,13 @@ pub(super) fn asked(folder: &Path) -> Option<Asked> {
 
 /// Whether the compression in a folder has come to its end.
 pub(super) fn is_finished(folder: &Path) -> bool {
+    #[derive(Deserialize)]
+    struct Ended {
+        finished: bool,
+    }
     let text = std::fs::read(folder.join(RESULT)).ok();
-    let result: Option<CompressResult> = text.and_then(|text| serde_json::from_slice(&text).ok());
-    result.is_some_and(|result| result.finished)
+    let ended: Option<Ended> = text.and_then(|text| serde_json::from_slice(&text).ok());
+    ended.is_some_and(|ended| ended.finished)
 }
 
 /// A folder that is ours for one compression: what was asked is in it, durable, and nobody else computes there.

@@ -8,44 +8,26 @@
 //! core that it wants; the curve does not depend on either.
 
 use super::asked::{asked, is_finished};
+use super::job::{Flags, Pointer, Run, Work};
 use super::news::News;
 use super::shelf::{details, list, open};
 use super::{
-    Claim, CompressDetails, CompressInput, CompressLine, CompressMaterial, CompressRequest, Compression,
-    DaemonError, RUN,
+    Claim, CompressDetails, CompressInput, CompressLine, CompressMaterial, CompressRequest, DaemonError, RUN,
 };
 use crate::daemon::Watcher;
 use crate::export::stl;
-use crate::session::event::CompressionState;
-use crate::session::{
-    Held, Recording, SessionError, State, Store, check_name, hold, sha256_hex, write_whole,
-};
-use serde::{Deserialize, Serialize};
+use crate::session::{Recording, SessionError, State, Store, check_name, hold, sha256_hex};
 use std::fs::File;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// The file in the data folder that names the compression being computed.
-const POINTER: &str = ".compression.json";
 /// So often a compression is taken up again that never came to its first sample: it may be what ended the program.
 const MOST_TRIES: u32 = 3;
-/// The lowest priority: a thread of the usual one has 68 times its share of a core.
-const NICE: i32 = 19;
 /// The surface of a session's grain.
 const SURFACE: &str = "grain.stl";
-
-/// What is being computed, as the data folder remembers it.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-struct Pointer {
-    session: String,
-    name: String,
-    /// How often it was begun since it last came to a sample.
-    tries: u32,
-}
 
 /// Why a compression was not done as asked.
 #[derive(Debug, thiserror::Error)]
@@ -106,20 +88,6 @@ struct Job {
     thread: Receiver<()>,
 }
 
-#[derive(Default)]
-struct Flags {
-    stop: AtomicBool,
-    cancelled: AtomicBool,
-    /// The watchers were told of the end.
-    told: AtomicBool,
-}
-
-/// What the thread is to compute.
-enum Work {
-    New(Claim),
-    GoOn(PathBuf, Held),
-}
-
 impl CompressHost {
     /// A host of the compressions in a data folder; `watcher` is told of each one's news.
     pub fn new(data: &Path, watcher: Watcher) -> Self {
@@ -156,14 +124,13 @@ impl CompressHost {
 
     /// Goes on with the compression that the last program was at when it ended, if there is one; session and name.
     pub fn go_on(&self) -> Option<(String, String)> {
-        let text = std::fs::read(self.store.data().join(POINTER)).ok()?;
-        let before: Option<Pointer> = serde_json::from_slice(&text).ok();
-        let Some(before) = before.filter(|p| p.tries < MOST_TRIES) else {
+        let before = Pointer::read(self.store.data())?;
+        let Some(before) = Some(before).filter(|p| p.tries < MOST_TRIES) else {
             tracing::warn!(
                 "a compression was begun {MOST_TRIES} times and never came to its first sample: it is left alone until \
                  somebody resumes it"
             );
-            self.forget();
+            Pointer::forget(self.store.data());
             return None;
         };
         let named = (before.session.clone(), before.name.clone());
@@ -174,7 +141,7 @@ impl CompressHost {
                 // Another program on the same folder may be at it.
                 if !matches!(error, CompressError::Daemon(DaemonError::Session(SessionError::Locked { .. })))
                 {
-                    self.forget();
+                    Pointer::forget(self.store.data());
                 }
                 None
             }
@@ -276,7 +243,7 @@ impl CompressHost {
 
     fn begin(&self, job: &mut Option<Job>, pointer: Pointer, work: Work) -> Result<(), CompressError> {
         let (session, name) = (pointer.session.clone(), pointer.name.clone());
-        self.point(&pointer)?;
+        pointer.write(self.store.data())?;
         let flags = Arc::new(Flags::default());
         let (hang_up, thread) = channel();
         let run = Run {
@@ -289,31 +256,12 @@ impl CompressHost {
             .name("compression".into())
             .spawn(move || run.carry_out(work, hang_up));
         if let Err(source) = spawned {
-            self.forget();
+            Pointer::forget(self.store.data());
             return Err(DaemonError::Thread { source }.into());
         }
         *job = Some(Job { session, name, flags, thread });
         Ok(())
     }
-
-    fn point(&self, pointer: &Pointer) -> Result<(), DaemonError> {
-        point(self.store.data(), pointer)
-    }
-
-    fn forget(&self) {
-        forget(self.store.data());
-    }
-}
-
-fn point(data: &Path, pointer: &Pointer) -> Result<(), DaemonError> {
-    let text = serde_json::to_vec(pointer).map_err(|e| DaemonError::Encode(e.to_string()))?;
-    write_whole(data, POINTER, &text)?;
-    Ok(())
-}
-
-fn forget(data: &Path) {
-    // Where this fails the next program takes the compression up, and sees that it has ended.
-    let _ = std::fs::remove_file(data.join(POINTER));
 }
 
 /// The session's grain as it was recorded.
@@ -344,85 +292,4 @@ fn next_name(recording: &Recording, material: CompressMaterial) -> Result<(Strin
         check_name("compression", &name)?;
     }
     Err(CompressError::Absent)
-}
-
-/// What the thread needs besides the work.
-struct Run {
-    news: News,
-    flags: Arc<Flags>,
-    data: PathBuf,
-    pointer: Pointer,
-}
-
-impl Run {
-    /// Computes, and makes sure that the watchers are told of an end, whatever it is.
-    fn carry_out(mut self, work: Work, hang_up: Sender<()>) {
-        let ended = catch_unwind(AssertUnwindSafe(|| {
-            let source =
-                |e: rayon::ThreadPoolBuildError| DaemonError::Thread { source: std::io::Error::other(e) };
-            let pool = rayon::ThreadPoolBuilder::new()
-                .thread_name(|n| format!("compress-{n}"))
-                .start_handler(|_| step_back())
-                .build()
-                .map_err(source)?;
-            pool.install(|| self.compute(work))
-        }));
-        let (state, error) = match ended {
-            Ok(Ok(true)) => (CompressionState::Complete, None),
-            Ok(Ok(false)) if self.flags.cancelled.load(Ordering::Acquire) => {
-                (CompressionState::Cancelled, None)
-            }
-            Ok(Ok(false)) => (CompressionState::Interrupted, None),
-            Ok(Err(error)) => (CompressionState::Failed, Some(error.to_string())),
-            Err(_) => (
-                CompressionState::Failed,
-                Some(
-                    "the compression ended by a defect of the program: please report it with the log".into(),
-                ),
-            ),
-        };
-        if let Some(error) = &error {
-            tracing::warn!("{error}");
-        }
-        if state != CompressionState::Interrupted {
-            forget(&self.data);
-        }
-        // First, so that whoever is told may begin the next.
-        self.flags.told.store(true, Ordering::Release);
-        self.news.ended(state, error);
-        drop(hang_up);
-    }
-
-    /// Whether the end was reached.
-    fn compute(&mut self, work: Work) -> Result<bool, DaemonError> {
-        let news = &mut self.news;
-        let mut compression = match work {
-            Work::New(claim) => {
-                news.meshing(0.0);
-                claim.build(&mut |done| news.meshing(done))?
-            }
-            Work::GoOn(folder, held) => Compression::open(&folder, held)?,
-        };
-        news.running(compression.done(), compression.curve());
-        let (data, pointer) = (&self.data, &mut self.pointer);
-        let result = compression.run(&[], &self.flags.stop, &mut |progress| {
-            if pointer.tries > 0 {
-                // It computes: it is not what ended the program before.
-                pointer.tries = 0;
-                if let Err(error) = point(data, pointer) {
-                    tracing::warn!(%error, "the data folder does not remember that a compression computes");
-                }
-            }
-            news.sampled(&progress);
-        })?;
-        Ok(result.finished)
-    }
-}
-
-/// Gives this thread the lowest priority.
-fn step_back() {
-    // On Linux a priority is a thread's; no process means the caller.
-    if let Err(error) = rustix::process::setpriority_process(None, NICE) {
-        tracing::warn!(%error, "a compression keeps the usual priority");
-    }
 }

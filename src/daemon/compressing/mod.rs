@@ -9,6 +9,7 @@ mod body;
 mod figures;
 mod files;
 mod host;
+mod job;
 mod news;
 mod shelf;
 #[cfg(test)]

@@ -45,6 +45,8 @@ impl News {
         self.next.done = done;
         self.next.points = curve;
         self.tell();
+        // The first sample is told at once: it shows that the plates move.
+        self.told = None;
     }
 
     pub(super) fn sampled(&mut self, progress: &CompressProgress) {
