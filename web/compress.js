@@ -157,8 +157,9 @@ function show() {
   progress.value = one.done;
   progress.dataset.state = one.state;
   const newest = one.curve.at(-1);
-  write(part("press-force"), newest ? `${figure(newest.force_n)} N` : "–");
-  write(part("press-approach"), newest ? `${figure(1000 * newest.approach_mm)} µm` : "–");
+  const short = (/** @type {number} */ value) => number(Number(value.toPrecision(3)));
+  write(part("press-force"), newest ? `${short(newest.force_n)} N` : "–");
+  write(part("press-approach"), newest ? `${short(1000 * newest.approach_mm)} µm` : "–");
   write(part("press-left"), one.left_s === null ? "–" : duration(one.left_s));
   part("press-error").hidden = one.error === null;
   write(part("press-error"), one.error ?? "");

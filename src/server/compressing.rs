@@ -162,7 +162,7 @@ pub(super) async fn start(
     (status = 409, description = "There is no compression", body = ErrorBody),
 ))]
 pub(super) async fn cancel(State(app): State<App>) -> Result<StatusCode, ServerError> {
-    on_rig(&app, |rig| rig.cancel_compression()).await.map(|_| StatusCode::NO_CONTENT)
+    on_rig(&app, Compressions::cancel_compression).await.map(|_| StatusCode::NO_CONTENT)
 }
 
 /// Goes on with a compression that was cancelled or interrupted, from its last checkpoint.

@@ -61,6 +61,8 @@ test("a grain is compressed from the page and its curve and stresses are shown",
   await picture("compress-running-1280");
   await page.setViewportSize({ width: 360, height: 780 });
   await fits();
+  const cut = await page.evaluate(() => [...document.querySelectorAll(".press .facts dd")].filter((dd) => dd.scrollWidth > dd.clientWidth).map((dd) => dd.textContent));
+  assert.deepEqual(cut, [], "no figure runs into the next");
   await picture("compress-running-360");
   await page.setViewportSize({ width: 1280, height: 900 });
   await page.getByTestId("press-cancel").click();

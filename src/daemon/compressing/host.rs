@@ -109,7 +109,7 @@ impl CompressHost {
         self.begin(
             &mut job,
             Pointer { session: session.into(), name: name.clone(), tries: 1 },
-            Work::New(claim),
+            Work::New(Box::new(claim)),
         )?;
         Ok(name)
     }
@@ -236,7 +236,7 @@ impl CompressHost {
             Work::GoOn(folder, held)
         } else {
             let input = grain(&recording, &pointer.session)?;
-            Work::New(Claim::new(&folder, input, &before.placing, before.settings)?)
+            Work::New(Box::new(Claim::new(&folder, input, &before.placing, before.settings)?))
         };
         self.begin(&mut job, pointer, work)
     }

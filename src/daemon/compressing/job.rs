@@ -55,7 +55,7 @@ pub(super) struct Flags {
 
 /// What the thread is to compute.
 pub(super) enum Work {
-    New(Claim),
+    New(Box<Claim>),
     GoOn(PathBuf, Held),
 }
 

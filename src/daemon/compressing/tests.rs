@@ -46,7 +46,7 @@ fn whenever_it_is_killed_it_loses_at_most_twenty_seconds_and_a_piece_and_comes_t
     let mut compression = begin(&part);
     let now = || {
         // The computer is about to die: what is on the disk is all that there will be.
-        let lost = clock.get() + piece - kept(&part);
+        let lost = (clock.get() + piece).saturating_sub(kept(&part));
         most_lost.set(most_lost.get().max(lost));
         pieces.set(pieces.get() + 1);
         if pieces.get() == 40 && kept(&part) > Duration::ZERO {
