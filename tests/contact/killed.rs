@@ -18,6 +18,9 @@ const COMMAND: [&str; 9] = [
     "12",
 ];
 
+/// Waits for a moment of a running command.
+type Wait = fn(&mut Running);
+
 struct Running {
     child: Child,
     lines: BufReader<ChildStderr>,
@@ -108,7 +111,6 @@ fn killed_at_any_moment_the_same_command_comes_to_the_same_bytes() {
     let lab = TempDir::new().unwrap();
     finish(&lab, "whole");
     // Before the mesh is there; once it is; while plates move; while results are written.
-    type Wait = fn(&mut Running);
     let moments: [(&str, Wait); 7] = [
         ("asked", |r| r.wrote("asked.json")),
         ("meshed", |r| r.wrote("run.json")),
