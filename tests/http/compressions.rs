@@ -12,7 +12,7 @@ fn small() -> Value {
 
 /// Far more than any of these tests waits for.
 fn long() -> Value {
-    json!({ "size_mm": 0.05, "to_force_n": 1000.0, "speed": 0.1 })
+    json!({ "size_mm": 0.1, "size_at_contact_mm": 0.08, "to_force_n": 1000.0, "speed": 0.1 })
 }
 
 /// A laboratory with a complete session.
