@@ -9,7 +9,7 @@ const API = "/api/v1";
 /** The kinds of event that the stream names. */
 export const KINDS = [
   "started", "homed", "moving", "captured", "rejected", "suspended", "paused", "resumed", "aborted",
-  "acquisition_complete", "silhouette", "judged", "hull", "working", "products", "failed", "complete",
+  "acquisition_complete", "silhouette", "judged", "hull", "working", "products", "failed", "complete", "compression",
 ];
 
 /** A refusal of the daemon, or no answer from it. */
@@ -79,6 +79,19 @@ export function fileUrl(session, folder, file) {
  */
 export function previewUrl(session, file, part) {
   return `${API}/sessions/${encodeURIComponent(session)}/previews/${encodeURIComponent(file)}?part=${part}`;
+}
+
+/**
+ * @param {string} session
+ * @param {string} [name] One of its compressions.
+ * @param {string} [file] One of its files.
+ * @returns {string} Below the API's own address, but for a file.
+ */
+export function compressionUrl(session, name, file) {
+  const list = `/sessions/${encodeURIComponent(session)}/compressions`;
+  if (name === undefined) return list;
+  const one = `${list}/${encodeURIComponent(name)}`;
+  return file === undefined ? one : `${API}${one}/files/${encodeURIComponent(file)}`;
 }
 
 /**

@@ -4,14 +4,14 @@
 import { number, volume } from "./format.js";
 
 const SVG = "http://www.w3.org/2000/svg";
-const EDGE = { top: 14, right: 14, bottom: 34, left: 56 };
+export const EDGE = { top: 14, right: 14, bottom: 34, left: 56 };
 
 /**
  * @param {string} name
  * @param {Record<string, string|number>} attributes
  * @param {string} [text]
  */
-function element(name, attributes, text) {
+export function element(name, attributes, text) {
   const made = document.createElementNS(SVG, name);
   for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, String(value));
   if (text !== undefined) made.textContent = text;

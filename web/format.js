@@ -126,6 +126,23 @@ const STAGES = /** @type {Record<string, string>} */ ({
 /** @param {string} stage */
 export const stageName = (stage) => STAGES[stage] ?? stage;
 
+/** What a state of a compression is called on the page. */
+const COMPRESSION = /** @type {Record<string, string>} */ ({
+  complete: "Complete",
+  cancelled: "Cancelled",
+  interrupted: "Interrupted",
+  failed: "Failed",
+});
+
+/**
+ * @param {string} state
+ * @param {number} done
+ */
+export function compressing(state, done) {
+  if (state === "meshing") return "Meshing";
+  return COMPRESSION[state] ?? `${Math.floor(100 * done)} %`;
+}
+
 /**
  * The next run's name: `grain-07` → `grain-08`, `quartz` → `quartz-2`.
  * @param {string} name
@@ -181,6 +198,8 @@ export function line(event) {
       return `Failed: ${event.error}`;
     case "complete":
       return "Run complete";
+    case "compression":
+      return `Compression ${event.name} of ${event.session}: ${compressing(event.state, event.done)}${event.error ? `: ${event.error}` : ""}`;
     default:
       return event.event;
   }

@@ -3,6 +3,7 @@
 
 import { ApiError, follow, post } from "./api.js";
 import { draw } from "./chart.js";
+import { listenToPress, offerSessions, showPress } from "./compress.js";
 import { make, part, write } from "./dom.js";
 import { duration, figure, headlines, leaves, line, nextName, stageName, volume } from "./format.js";
 import { chooseParts, showPicture } from "./picture.js";
@@ -187,6 +188,12 @@ function showControls() {
   enable("resume", state === "paused");
   // A mesh that is being made ends by itself.
   enable("abort", active && state !== "computing");
+  showPress(status.compression, ready);
+}
+
+/** Asks for the sessions, shows them, and offers those that can be compressed. */
+async function refreshSessions() {
+  offerSessions(await showSessions(complain), status.session);
 }
 
 /** @param {RigEvent} event */
@@ -195,11 +202,12 @@ function note(event) {
   log.hidden = false;
   part("no-log").hidden = true;
   const time = make("time", { datetime: event.time }, new Date(event.time).toLocaleTimeString("en-GB"));
-  // A stage's progress is one line that counts on.
-  const newest = /** @type {HTMLElement|null} */ (log.firstElementChild);
-  if (event.event === "working" && newest?.dataset.kind === "working" && newest.dataset.stage === event.stage) newest.remove();
+  // A stage's progress is one line that counts on, and so is a compression's.
+  const stage = event.event === "working" ? event.stage : event.event === "compression" ? `${event.session}/${event.name}` : null;
+  const before = [...log.children].slice(0, 3).find((item) => stage !== null && /** @type {HTMLElement} */ (item).dataset.stage === stage);
+  before?.remove();
   const item = make("li", { "data-seq": String(event.seq), "data-kind": event.event }, time, line(event));
-  if (event.event === "working") item.dataset.stage = event.stage;
+  if (stage !== null) item.dataset.stage = stage;
   log.prepend(item);
   while (log.children.length > LOG_LINES) log.lastElementChild?.remove();
 }
@@ -258,6 +266,7 @@ function listen() {
   });
   part("problem-close").addEventListener("click", () => (part("problem").hidden = true));
   chooseParts(show);
+  listenToPress({ want, complain });
   new ResizeObserver(drawHull).observe(part("chart"));
   setInterval(showRemaining, 1000);
 }
@@ -269,14 +278,14 @@ follow({
     status = now;
     estimated_at_ms = performance.now();
     show();
-    void showSessions(complain);
+    void refreshSessions();
   },
   event(event) {
     status = fold(status, event);
     if (event.event === "captured" || event.event === "resumed") estimated_at_ms = performance.now();
     note(event);
     show();
-    if (["started", "aborted", "failed", "complete"].includes(event.event)) void showSessions(complain);
+    if (["started", "aborted", "failed", "complete"].includes(event.event)) void refreshSessions();
   },
   connection(kind) {
     connected = kind === "live";

@@ -7,6 +7,7 @@ import { make, part } from "./dom.js";
 /**
  * Asks for the list and shows it.
  * @param {(error: unknown) => void} complain
+ * @returns {Promise<any[]>} The sessions, the newest first.
  */
 export async function showSessions(complain) {
   /** @type {any[]} */
@@ -15,10 +16,11 @@ export async function showSessions(complain) {
     sessions = await get("/sessions");
   } catch (error) {
     complain(error);
-    return;
+    return [];
   }
   part("no-sessions").hidden = sessions.length > 0;
   part("sessions").replaceChildren(...sessions.map((session) => sessionItem(session, complain)));
+  return sessions;
 }
 
 /**
@@ -60,13 +62,23 @@ function sessionItem(session, complain) {
  */
 export function files(session, folder, list) {
   if (list.length === 0) return make("p", { class: "hint" }, `No ${folder}.`);
+  return links(list, (file) => fileUrl(session, folder, file), (file) => isDrawn(folder, file));
+}
+
+/**
+ * Files by their names, drawings among them as pictures.
+ * @param {{ file: string }[]} list
+ * @param {(file: string) => string} url
+ * @param {(file: string) => boolean} isDrawn
+ */
+export function links(list, url, isDrawn) {
   const link = (/** @type {string} */ file, /** @type {Node | string} */ shown) =>
-    make("li", {}, make("a", { href: fileUrl(session, folder, file), ...saved(file) }, shown));
-  const [drawn, others] = [true, false].map((is) => list.map(({ file }) => file).filter((file) => isDrawn(folder, file) === is));
+    make("li", {}, make("a", { href: url(file), ...saved(file) }, shown));
+  const [drawn, others] = [true, false].map((is) => list.map(({ file }) => file).filter((file) => isDrawn(file) === is));
   const names = make("ul", { class: "files" }, ...others.map((file) => link(file, file)));
   if (drawn.length === 0) return names;
   const picture = (/** @type {string} */ file) =>
-    make("img", { src: fileUrl(session, folder, file), alt: file, title: file, loading: "lazy" });
+    make("img", { src: url(file), alt: file, title: file, loading: "lazy" });
   return make("div", {}, names, make("ul", { class: "drawn" }, ...drawn.map((file) => link(file, picture(file)))));
 }
 

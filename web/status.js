@@ -5,6 +5,18 @@
 /** @typedef {"idle"|"starting"|"running"|"paused"|"computing"|"complete"|"aborted"|"failed"} RunState */
 /** @typedef {"good"|"doubtful"|"bad"} Verdict */
 /** @typedef {{ views: number, volume_mm3: number|null }} HullPoint */
+/** @typedef {{ approach_mm: number, force_n: number }} CurvePoint */
+/**
+ * @typedef {object} Compression
+ * @property {string} session
+ * @property {string} name
+ * @property {"meshing"|"running"|"complete"|"cancelled"|"interrupted"|"failed"} state
+ * @property {number} done
+ * @property {number|null} left_s
+ * @property {number} contacts
+ * @property {CurvePoint[]} curve
+ * @property {string|null} error
+ */
 /**
  * @typedef {object} Status
  * @property {RunState} state
@@ -21,12 +33,14 @@
  * @property {string[]} products
  * @property {unknown} result
  * @property {string|null} error
+ * @property {Compression|null} compression
  */
 /** @typedef {{ seq: number, time: string, event: string, [field: string]: any }} RigEvent */
 
 /** As in status.rs. */
 const WARNINGS_KEPT = 200;
 const HULL_POINTS_KEPT = 2000;
+const CURVE_POINTS_KEPT = 4000;
 
 /** @returns {Status} Nothing happened yet. */
 export function idle() {
@@ -45,7 +59,22 @@ export function idle() {
     products: [],
     result: null,
     error: null,
+    compression: null,
   };
+}
+
+/**
+ * The compression after some news of it, or of the next one.
+ * @param {Compression|null} before
+ * @param {any} news
+ * @returns {Compression}
+ */
+function compressed(before, news) {
+  const { session, name, state, done, left_s, contacts, from, points, error } = news;
+  const same = before !== null && before.session === session && before.name === name;
+  let curve = same ? before.curve.slice(0, from) : [];
+  if (curve.length === from) curve = [...curve, ...points].slice(0, CURVE_POINTS_KEPT);
+  return { session, name, state, done, left_s, contacts, curve, error };
 }
 
 /**
@@ -76,6 +105,7 @@ export function fold(before, event) {
         session: event.session,
         views: event.views,
         captured: event.already_captured,
+        compression: before.compression,
       };
     case "homed":
       return { ...before, state: leaving("running") };
@@ -117,6 +147,8 @@ export function fold(before, event) {
       return { ...ended("failed"), error: event.error };
     case "complete":
       return { ...ended("complete"), result: event.result };
+    case "compression":
+      return { ...before, compression: compressed(before.compression, event) };
     default:
       // A newer daemon's event changes nothing that this page knows to show.
       return before;

@@ -3,10 +3,11 @@
 use super::mesh::Unit;
 use super::output::{print, print_json, say};
 use super::{Common, usage};
+use crate::contact::CurvePoint;
 use crate::contact::experiment::{self, Compliance};
-use crate::contact::{CurvePoint, Loading, Material};
 use crate::daemon::{
-    CompressInput, CompressProgress, CompressResult, CompressSettings, Compression, OtherCurve, Placing,
+    CompressInput, CompressMaterial, CompressProgress, CompressRequest, CompressResult, Compression,
+    OtherCurve,
 };
 use crate::export::{inp_read, msh, stl};
 use crate::session::Recording;
@@ -30,22 +31,22 @@ pub struct Arguments {
     #[arg(long, value_enum, default_value_t = Kind::Elastic)]
     material: Kind,
     /// Young's modulus, MPa.
-    #[arg(long, value_name = "MPA", default_value_t = 100e3, allow_negative_numbers = true)]
+    #[arg(long, value_name = "MPA", default_value_t = CompressRequest::default().young_mpa, allow_negative_numbers = true)]
     young_mpa: f64,
     /// Poisson's ratio.
-    #[arg(long, value_name = "NU", default_value_t = 0.22, allow_negative_numbers = true)]
+    #[arg(long, value_name = "NU", default_value_t = CompressRequest::default().poisson, allow_negative_numbers = true)]
     poisson: f64,
     /// Density, t/mm³.
-    #[arg(long, value_name = "RHO", default_value_t = 2.65e-9, allow_negative_numbers = true)]
+    #[arg(long, value_name = "RHO", default_value_t = CompressRequest::default().density_t_mm3, allow_negative_numbers = true)]
     density_t_mm3: f64,
     /// Yield stress of a plastic grain, MPa.
-    #[arg(long, value_name = "MPA", default_value_t = 100.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "MPA", default_value_t = CompressRequest::default().yield_mpa, allow_negative_numbers = true)]
     yield_mpa: f64,
     /// Slope of the yield stress against the plastic strain, MPa.
-    #[arg(long, value_name = "MPA", default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "MPA", default_value_t = CompressRequest::default().hardening_mpa, allow_negative_numbers = true)]
     hardening_mpa: f64,
     /// Coulomb's friction between plates and grain.
-    #[arg(long, value_name = "MU", default_value_t = 0.2, allow_negative_numbers = true)]
+    #[arg(long, value_name = "MU", default_value_t = CompressRequest::default().friction, allow_negative_numbers = true)]
     friction: f64,
     /// Stop at this force, N; by default 10 N where no approach is given.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
@@ -64,16 +65,16 @@ pub struct Arguments {
     #[arg(long, value_name = "DEG", num_args = 3, allow_negative_numbers = true)]
     rotate_deg: Option<Vec<f64>>,
     /// Multiple of the usual speed of the plates.
-    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "FACTOR", default_value_t = CompressRequest::default().speed, allow_negative_numbers = true)]
     speed: f64,
     /// Mass that may be added to the smallest elements, over the grain's.
-    #[arg(long, value_name = "SHARE", default_value_t = 0.01, allow_negative_numbers = true)]
+    #[arg(long, value_name = "SHARE", default_value_t = CompressRequest::default().mass_scaling, allow_negative_numbers = true)]
     mass_scaling: f64,
     /// A time step instead of nine tenths of the stable one, s.
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     time_step_s: Option<f64>,
     /// The force at which the transition to a Hertzian response is read, N.
-    #[arg(long, value_name = "N", default_value_t = 2.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", default_value_t = CompressRequest::default().transition_n, allow_negative_numbers = true)]
     transition_n: f64,
     /// The laboratory's own test: a Bluehill export, drawn and compared.
     #[arg(long, value_name = "FILE")]
@@ -104,24 +105,29 @@ enum Kind {
     Plastic,
 }
 
+impl From<Kind> for CompressMaterial {
+    fn from(kind: Kind) -> Self {
+        match kind {
+            Kind::Elastic => Self::Elastic,
+            Kind::Plastic => Self::Plastic,
+        }
+    }
+}
+
 pub(super) fn run(common: &Common, a: &Arguments) -> Result<()> {
     let others = others(a)?;
     let stop = super::signals::stop_flag(
-        "stopping after the sample in hand; `grainrig compress --resume` goes on from there",
+        "stopping; the same command again, or `grainrig compress --resume`, goes on from there",
     );
     let bar = super::progress::percent("compressing");
     let mut compression = if let Some(folder) = &a.resume {
         Compression::resume(folder)?
     } else {
         let (input, out) = input(common, a)?;
-        let settings = settings(a)?;
+        let request = request(a);
+        let settings = request.settings().map_err(usage)?;
         let meshing = super::progress::percent("meshing");
-        let placing = Placing {
-            size_mm: a.size_mm,
-            size_at_contact_mm: a.size_at_contact_mm,
-            rotate_deg: a.rotate_deg.as_ref().map(|r| [r[0], r[1], r[2]]),
-        };
-        let made = Compression::begin(&out, &input, &placing, settings, &mut |d| {
+        let made = Compression::begin(&out, input, &request.placing(), settings, &mut |d| {
             meshing.set_position((100.0 * d) as u64);
         });
         meshing.finish_and_clear();
@@ -129,6 +135,9 @@ pub(super) fn run(common: &Common, a: &Arguments) -> Result<()> {
     };
     let (elements, nodes, step_s) = compression.size();
     say(format!("{elements} tetrahedra, {nodes} nodes, steps of {:.3} ns", 1e9 * step_s));
+    if compression.done() > 0.0 {
+        say(format!("going on from the checkpoint at {:.0} %", 100.0 * compression.done()));
+    }
     let mut said = 0u32;
     let result = compression.run(&others, &stop, &mut |p| show(&bar, &mut said, &p));
     bar.finish_and_clear();
@@ -158,45 +167,26 @@ fn show(bar: &indicatif::ProgressBar, said: &mut u32, p: &CompressProgress) {
     }
 }
 
-fn settings(a: &Arguments) -> Result<CompressSettings> {
-    let positive = |name: &str, x: f64| {
-        if x.is_finite() && x > 0.0 { Ok(x) } else { Err(usage(format!("{name} {x}: it must be positive"))) }
-    };
-    let speed = positive("--speed", a.speed)?;
-    let usual = Loading::default();
-    let loading = Loading {
-        to_force_n: a.to_force_n.or(if a.to_approach_mm.is_none() { usual.to_force_n } else { None }),
-        to_approach_mm: a.to_approach_mm,
-        slowest: speed * usual.slowest,
-        fastest: speed * usual.fastest,
-        motion_share: (speed * speed * usual.motion_share).min(1.0),
-        mass_scaling: a.mass_scaling,
-        step_s: a.time_step_s,
-        ..usual
-    };
-    let material = Material {
+/// What was asked, as a script or the monitor would ask it.
+fn request(a: &Arguments) -> CompressRequest {
+    CompressRequest {
+        material: a.material.into(),
         young_mpa: a.young_mpa,
         poisson: a.poisson,
         density_t_mm3: a.density_t_mm3,
-        yield_mpa: (a.material == Kind::Plastic).then_some(a.yield_mpa),
+        yield_mpa: a.yield_mpa,
         hardening_mpa: a.hardening_mpa,
-    };
-    loading.check().map_err(usage)?;
-    material.check().map_err(usage)?;
-    for (name, value) in [("--size-mm", a.size_mm), ("--size-at-contact-mm", a.size_at_contact_mm)] {
-        value.map_or(Ok(1.0), |v| positive(name, v))?;
-    }
-    Ok(CompressSettings {
-        source: String::new(),
-        material,
         friction: a.friction,
-        loading,
-        middle_mm: 0.0,
-        gap_mm: 0.0,
-        sphere_radius_mm: None,
-        placed_deg: [0.0; 3],
-        transition_n: positive("--transition-n", a.transition_n)?,
-    })
+        to_force_n: a.to_force_n,
+        to_approach_mm: a.to_approach_mm,
+        size_mm: a.size_mm,
+        size_at_contact_mm: a.size_at_contact_mm,
+        rotate_deg: a.rotate_deg.as_ref().map(|r| [r[0], r[1], r[2]]),
+        speed: a.speed,
+        mass_scaling: a.mass_scaling,
+        time_step_s: a.time_step_s,
+        transition_n: a.transition_n,
+    }
 }
 
 /// What is compressed, and the folder of the results.

@@ -10,6 +10,9 @@ Examples:
   grainrig serve --listen 127.0.0.1:0         a free port; standard error says which
   grainrig serve --config lab.toml --data /srv/grains
 
+The monitor also compresses the grain of a complete session, beside a capture. A compression that was going on
+when the daemon ended goes on when it is started again.
+
 Beyond this computer (0.0.0.0) a token is required: [serve] token in the configuration.";
 
 pub(super) const CAPTURE: &str = "\
@@ -121,7 +124,8 @@ Examples:
 The grain rolls into a stable rest on the lower plate; the approach counts from where the plates touch it (for a
 sphere from its diameter). DIR gets curve.csv, curve.svg and .png, result.json, the deformed mesh with its stresses at
 eight stages (stages.pvd for ParaView) and a picture of a cut at each, and the same model as decks for Abaqus/Explicit
-and CalculiX. Ctrl-C writes what there is; after that, or a power failure, --resume goes on with the same bits.
+and CalculiX. Ctrl-C writes what there is; after that, or a power failure, the same command again (or --resume DIR)
+goes on with the same bits; at most 20 s of computing are lost.
 Units: mm, N, MPa, t.";
 
 pub(super) const VERIFY: &str = "\

@@ -1,11 +1,11 @@
 //! The rig of this computer as the server sees it: the host, its sessions, and what clients may know of them.
 
 use crate::config::Config;
-use crate::daemon::{DaemonError, Host, HostError, PreviewPart, Previews, Watcher};
+use crate::daemon::{CompressHost, DaemonError, Host, HostError, PreviewPart, Previews, Watcher};
 use crate::server::{
     Content, Download, EventFeed, KEPT_EVENTS, Refusal, RefusalKind, Rig, RunRequest, RunStarted,
 };
-use crate::session::event::{Event, Happening};
+use crate::session::event::{CompressionNews, Event, Happening};
 use crate::session::{Recording, SessionError, Summary};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -19,8 +19,9 @@ const NOT_A_CLIENTS: [&str; 7] =
 /// The host as the server sees it.
 pub(super) struct LocalRig {
     host: Arc<Host>,
+    pub(super) compressing: Arc<CompressHost>,
     feed: EventFeed,
-    places: Places,
+    pub(super) places: Places,
     previews: Previews,
 }
 
@@ -34,11 +35,16 @@ impl LocalRig {
         let watcher: Watcher = Arc::new(move |event: &Event| {
             let what = match &event.what {
                 Happening::Failed { error } => Happening::Failed { error: hide.hidden(error) },
+                Happening::Compression(news) => {
+                    let error = news.error.as_deref().map(|error| hide.hidden(error));
+                    Happening::Compression(CompressionNews { error, ..news.clone() })
+                }
                 what => what.clone(),
             };
             push.push(what, event.time);
         });
         Self {
+            compressing: Arc::new(CompressHost::new(data, Arc::clone(&watcher))),
             host: Arc::new(Host::new(data.to_owned(), config, watcher)),
             feed,
             places,
@@ -49,6 +55,11 @@ impl LocalRig {
     /// The host, for the program's end.
     pub(super) fn host(&self) -> Arc<Host> {
         Arc::clone(&self.host)
+    }
+
+    /// The host of compressions, for the program's beginning and end.
+    pub(super) fn compressing(&self) -> Arc<CompressHost> {
+        Arc::clone(&self.compressing)
     }
 
     fn read(&self, id: &str) -> Result<Recording, Refusal> {
@@ -182,12 +193,12 @@ impl Rig for LocalRig {
     }
 }
 
-/// The media type of a product, by its name's ending.
-fn media_type(file: &str) -> &'static str {
+/// The media type of a product or another result, by its name's ending.
+pub(super) fn media_type(file: &str) -> &'static str {
     match file.rsplit('.').next() {
         Some("json") => "application/json",
         Some("stl") => "model/stl",
-        Some("vtu") => "application/xml",
+        Some("vtu" | "pvd") => "application/xml",
         Some("html") => "text/html; charset=utf-8",
         Some("svg") => "image/svg+xml",
         Some("png") => "image/png",
@@ -204,7 +215,7 @@ fn absent(id: &str, what: &str, file: &str) -> Refusal {
 }
 
 /// A session's error for a client: places on the disk stay in the log.
-fn refused(error: &SessionError) -> Refusal {
+pub(super) fn refused(error: &SessionError) -> Refusal {
     match error {
         SessionError::Name { .. } => Refusal::new(RefusalKind::Invalid, error.to_string()),
         SessionError::Exists { name, .. } => Refusal::new(
@@ -237,7 +248,7 @@ fn refused(error: &SessionError) -> Refusal {
 
 /// Where the data folder is: known to whoever runs the daemon, and no client's business.
 #[derive(Debug, Clone)]
-struct Places(Vec<String>);
+pub(super) struct Places(Vec<String>);
 
 impl Places {
     fn of(data: &Path) -> Self {
@@ -248,7 +259,7 @@ impl Places {
     }
 
     /// The text with places below the data folder told from there on: `grain-7/journal.jsonl`.
-    fn hidden(&self, text: &str) -> String {
+    pub(super) fn hidden(&self, text: &str) -> String {
         self.0.iter().fold(text.to_owned(), |text, place| text.replace(place, ""))
     }
 }

@@ -7,6 +7,7 @@ mod devices;
 mod doctor;
 mod help;
 mod import;
+mod local_compressions;
 mod local_rig;
 mod merge;
 mod mesh;

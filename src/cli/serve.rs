@@ -63,8 +63,12 @@ async fn listen(common: &Common, config: Config, address: SocketAddr) -> Result<
     let mut signals = Signals::listen().context("cannot listen for Ctrl-C")?;
     let monitor = monitor(listener.local_addr()?, options.token.is_some());
     let rig = Arc::new(LocalRig::new(&common.data, config));
-    let host = rig.host();
+    let (host, compressing) = (rig.host(), rig.compressing());
     say(format!("the monitor is at {monitor} (Ctrl-C ends it); sessions are in {}", common.data.display()));
+
+    if let Some((session, name)) = compressing.go_on() {
+        say(format!("compression {name} of session {session} goes on from where the last program ended"));
+    }
 
     let (stop, stopped) = tokio::sync::oneshot::channel();
     let mut served = pin!(serve(listener, rig, options, async {
@@ -76,7 +80,13 @@ async fn listen(common: &Common, config: Config, address: SocketAddr) -> Result<
         () = signals.next() => {}
     }
     let _ = stop.send(());
-    let finished = tokio::task::spawn_blocking(move || host.finish(END_LIMIT));
+    let finished = tokio::task::spawn_blocking(move || {
+        std::thread::scope(|scope| {
+            // Both at once; a compression that needs longer has a checkpoint, and goes on from there.
+            scope.spawn(|| compressing.finish(END_LIMIT));
+            host.finish(END_LIMIT)
+        })
+    });
     tokio::select! {
         (served, finished) = async { tokio::join!(served, finished) } => {
             if !finished.context("cannot end the run")? {

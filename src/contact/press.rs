@@ -294,9 +294,19 @@ impl Press {
     /// [`ContactError::Broken`] where an element fails: the samples stay; [`ContactError::Unstable`] where the step that was
     /// asked for has become too large.
     pub fn next_sample(&mut self) -> Result<&Sample, ContactError> {
+        while !self.advance(REVIEW)? {}
+        Ok(&self.samples[self.samples.len() - 1])
+    }
+
+    /// Computes until the next sample is there, but no more than so many steps; whether it is. The bits do not depend on how
+    /// a compression is cut up, and it may be saved after each piece.
+    ///
+    /// # Errors
+    /// As [`Self::next_sample`].
+    pub fn advance(&mut self, most_steps: u64) -> Result<bool, ContactError> {
         // Ringing of the grain as a whole is averaged out over a crossing by shear waves, there and back.
         let long_s = 2.0 * self.height_mm / self.body.material.shear_wave_mm_s();
-        loop {
+        for _ in 0..most_steps {
             if self.dynamics.steps > 0 && self.dynamics.steps.is_multiple_of(REVIEW) {
                 self.review()?;
             }
@@ -306,9 +316,10 @@ impl Press {
             self.stretch.reaction.add(&did);
             if self.dynamics.time_s - self.stretch.from_s >= long_s {
                 self.sample();
-                return Ok(&self.samples[self.samples.len() - 1]);
+                return Ok(true);
             }
         }
+        Ok(false)
     }
 
     /// Takes the time step that the body bears as it is now.

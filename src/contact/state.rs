@@ -44,7 +44,7 @@ pub enum StateError {
 }
 
 impl Press {
-    /// The state as it is after a sample.
+    /// The state as it is now, after one step at least.
     pub fn save(&self) -> Vec<u8> {
         let d = &self.dynamics;
         let header = Header {

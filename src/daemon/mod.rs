@@ -14,8 +14,9 @@ mod scale_file;
 mod scaling;
 
 pub use compressing::{
-    CompressInput, CompressProgress, CompressResult, CompressSettings, Compression, EnergyResult, OtherCurve,
-    Placing,
+    Claim, CompressDetails, CompressError, CompressFile, CompressHost, CompressInput, CompressLine,
+    CompressMaterial, CompressProgress, CompressRequest, CompressResult, CompressSettings, CompressState,
+    Compression, EnergyResult, OtherCurve, Placing,
 };
 pub use devices::{DeviceLine, devices};
 pub use doctor::{Finding, Health, doctor};

@@ -7,13 +7,15 @@ use axum::routing::get;
 use super::routes::App;
 
 /// Address, content type and bytes of every file of the page.
-const FILES: [(&str, &str, &[u8]); 11] = [
+const FILES: [(&str, &str, &[u8]); 13] = [
     ("/", "text/html; charset=utf-8", include_bytes!("../../web/index.html")),
     ("/monitor.css", "text/css; charset=utf-8", include_bytes!("../../web/monitor.css")),
     ("/monitor.js", JS, include_bytes!("../../web/monitor.js")),
     ("/status.js", JS, include_bytes!("../../web/status.js")),
     ("/format.js", JS, include_bytes!("../../web/format.js")),
     ("/chart.js", JS, include_bytes!("../../web/chart.js")),
+    ("/curve.js", JS, include_bytes!("../../web/curve.js")),
+    ("/compress.js", JS, include_bytes!("../../web/compress.js")),
     ("/picture.js", JS, include_bytes!("../../web/picture.js")),
     ("/sessions.js", JS, include_bytes!("../../web/sessions.js")),
     ("/dom.js", JS, include_bytes!("../../web/dom.js")),

@@ -11,6 +11,7 @@
 //! tunnel before it on a network that others use).
 
 mod assets;
+mod compressing;
 mod connection;
 mod download;
 mod error;
@@ -33,6 +34,7 @@ use tokio::net::TcpListener;
 use tokio::sync::watch;
 use utoipa::ToSchema;
 
+pub use compressing::{CompressionStarted, CompressionStatus, Compressions};
 pub use download::{Content, Download};
 pub use error::{ErrorBody, ErrorText, Refusal, RefusalKind, ServerError};
 pub use feed::{EventFeed, KEPT_EVENTS, Snapshot, Subscription};
@@ -44,7 +46,7 @@ const GRACE: Duration = Duration::from_secs(5);
 
 /// What the server drives. Its methods may block for a moment (they are called off the async threads),
 /// but not for the length of a run.
-pub trait Rig: Send + Sync + 'static {
+pub trait Rig: Compressions {
     /// Where the run stands, at least as a [`Status`]; more may be added to it.
     fn status(&self) -> serde_json::Value {
         serde_json::json!(self.events().status())

@@ -7,7 +7,8 @@ use utoipa::{OpenApi, ToSchema};
 
 use super::error::{ErrorBody, ErrorText};
 use super::status::{HullPoint, RunState, Stage, Status, ViewVerdict, ViewWarning};
-use super::{RunRequest, RunStarted, routes, stream};
+use super::{CompressionStarted, CompressionStatus, RunRequest, RunStarted, compressing, routes, stream};
+use crate::daemon::{CompressMaterial, CompressRequest};
 
 #[derive(OpenApi)]
 #[openapi(
@@ -25,6 +26,12 @@ use super::{RunRequest, RunStarted, routes, stream};
         routes::frame,
         routes::preview,
         routes::product,
+        compressing::start,
+        compressing::cancel,
+        compressing::resume,
+        compressing::list,
+        compressing::one,
+        compressing::file,
         stream::events,
         document
     ),
@@ -37,6 +44,10 @@ use super::{RunRequest, RunStarted, routes, stream};
         ViewWarning,
         RunRequest,
         RunStarted,
+        CompressRequest,
+        CompressMaterial,
+        CompressionStarted,
+        CompressionStatus,
         ErrorBody,
         ErrorText,
         StreamedEvent,
@@ -54,7 +65,7 @@ pub(super) struct StreamedEvent {
     #[schema(value_type = String, format = DateTime)]
     time: Timestamp,
     /// The kind: `started`, `homed`, `moving`, `captured`, `rejected`, `suspended`, `paused`, `resumed`, `aborted`,
-    /// `acquisition_complete`, `silhouette`, `judged`, `hull`, `working`, `products`, `failed` or `complete`.
+    /// `acquisition_complete`, `silhouette`, `judged`, `hull`, `working`, `products`, `failed`, `complete` or `compression`.
     event: String,
 }
 

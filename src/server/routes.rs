@@ -18,14 +18,14 @@ use utoipa::{IntoParams, ToSchema};
 use super::error::{ErrorBody, ServerError};
 use super::guard::{self, Guard, shortened};
 use super::status::Status;
-use super::{Download, Refusal, Rig, RunRequest, RunStarted, assets, openapi, stream};
+use super::{Download, Refusal, Rig, RunRequest, RunStarted, assets, compressing, openapi, stream};
 
 /// Largest body that is read.
 pub(super) const BODY_LIMIT_BYTES: usize = 64 * 1024;
 /// Longest name of a session: it becomes a folder.
-const SESSION_NAME_LIMIT: usize = 64;
+pub(super) const SESSION_NAME_LIMIT: usize = 64;
 /// Longest name of a file, as file systems have it.
-const FILE_NAME_LIMIT: usize = 255;
+pub(super) const FILE_NAME_LIMIT: usize = 255;
 
 /// What every route knows.
 #[derive(Clone)]
@@ -51,6 +51,7 @@ pub(super) fn router(app: App) -> Router {
         .route("/sessions/{id}/frames/{file}", get(frame))
         .route("/sessions/{id}/previews/{file}", get(preview))
         .route("/sessions/{id}/products/{file}", get(product))
+        .merge(compressing::routes())
         .route("/events", get(stream::events))
         .route("/openapi.json", get(openapi::document));
     // Path only: the query may hold the token.
@@ -282,7 +283,7 @@ async fn file(
 }
 
 /// The first fence before the disk; the rig checks the name against its own list.
-fn check_name(what: &'static str, name: &str, limit: usize) -> Result<(), ServerError> {
+pub(super) fn check_name(what: &'static str, name: &str, limit: usize) -> Result<(), ServerError> {
     let fits = (1..=limit).contains(&name.len()) && !name.starts_with('.');
     if fits && !name.contains(|c: char| c == '/' || c == '\\' || c.is_control()) {
         return Ok(());
@@ -291,7 +292,7 @@ fn check_name(what: &'static str, name: &str, limit: usize) -> Result<(), Server
 }
 
 /// Asks the rig on a thread that may block: it takes locks and reads the disk.
-async fn on_rig<T: Send + 'static>(
+pub(super) async fn on_rig<T: Send + 'static>(
     app: &App,
     ask: impl FnOnce(&dyn Rig) -> Result<T, Refusal> + Send + 'static,
 ) -> Result<Json<T>, ServerError> {

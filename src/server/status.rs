@@ -14,6 +14,7 @@
 use serde::Serialize;
 use utoipa::ToSchema;
 
+use super::compressing::CompressionStatus;
 use crate::session::event::Happening;
 use crate::silhouette::Verdict;
 
@@ -117,6 +118,8 @@ pub struct Status {
     pub result: Option<serde_json::Value>,
     /// Why the run failed or is suspended: value, limit, remedy.
     pub error: Option<String>,
+    /// The compression that goes on beside the runs, or the last one; `null` before the first.
+    pub compression: Option<CompressionStatus>,
 }
 
 impl Status {
@@ -129,6 +132,7 @@ impl Status {
                     session: Some(session.clone()),
                     views: *views,
                     captured: *already_captured,
+                    compression: self.compression.take(),
                     ..Self::default()
                 };
             }
@@ -181,6 +185,9 @@ impl Status {
             Happening::Complete { result } => {
                 self.end(RunState::Complete);
                 self.result = Some(result.clone());
+            }
+            Happening::Compression(news) => {
+                self.compression = Some(CompressionStatus::after(self.compression.take(), news));
             }
         }
     }

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// The ending of a file that is being written; such a file is never read and is removed on opening.
 pub(super) const PART: &str = ".part";
 /// The lock's file name.
-pub(super) const LOCK: &str = "lock";
+pub const LOCK: &str = "lock";
 
 /// SHA-256, hexadecimal.
 pub fn sha256_hex(bytes: &[u8]) -> String {
@@ -141,6 +141,40 @@ pub(super) fn remove_parts(folder: &Path) -> Result<(), SessionError> {
         }
     }
     Ok(())
+}
+
+/// The right to fill a folder: one process has it at a time, until this is dropped or the process ends, however it does.
+#[derive(Debug)]
+pub struct Held {
+    _lock: Lock,
+}
+
+/// Takes the right to fill a folder, and removes what an interrupted write has left in it.
+///
+/// # Errors
+/// [`SessionError::Locked`] where another process has it; the system's reason otherwise.
+pub fn hold(folder: &Path) -> Result<Held, SessionError> {
+    let lock = Lock::take(folder)?;
+    remove_parts(folder)?;
+    Ok(Held { _lock: lock })
+}
+
+/// SHA-256 of what is left of a file, hexadecimal, and how many bytes that is; read piece by piece.
+///
+/// # Errors
+/// The system's reason.
+pub fn sha256_of(file: &mut File) -> std::io::Result<(String, u64)> {
+    let (mut hash, mut bytes) = (Sha256::new(), 0);
+    let mut piece = vec![0; 1 << 16];
+    loop {
+        match file.read(&mut piece)? {
+            0 => return Ok((hex(&hash.finalize()), bytes)),
+            n => {
+                hash.update(&piece[..n]);
+                bytes += n as u64;
+            }
+        }
+    }
 }
 
 /// A session's lock, held until it is dropped; the kernel lets go of it when the process ends, however it does.

@@ -1,6 +1,7 @@
 //! What happens during a run: one numbered event type for terminal, journal and browser alike.
 
 use super::manifest::ArchivedFile;
+use crate::contact::CurvePoint;
 use crate::silhouette::Verdict;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
@@ -58,6 +59,47 @@ pub struct ProductRecord {
     pub bytes: u64,
     /// SHA-256 of the file, hexadecimal.
     pub sha256: String,
+}
+
+/// How a compression between two plates stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CompressionState {
+    /// The grain is being meshed.
+    Meshing,
+    /// The plates move.
+    Running,
+    /// The force or the approach that was asked for is reached.
+    Complete,
+    /// Somebody stopped it; it can go on.
+    Cancelled,
+    /// The program ended; it goes on when the program is started again.
+    Interrupted,
+    /// It could not go on.
+    Failed,
+}
+
+/// What is new of a compression.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CompressionNews {
+    /// Name of the session whose grain it is.
+    pub session: String,
+    /// Its name among the session's compressions.
+    pub name: String,
+    /// How it stands.
+    pub state: CompressionState,
+    /// How much of the way to the end, or of the meshing, is done, 0 to 1.
+    pub done: f64,
+    /// About how much longer, s; `None` before it can be told.
+    pub left_s: Option<f64>,
+    /// Contacts between grain and plates now.
+    pub contacts: usize,
+    /// The number, from 0, that the first of `points` has in the curve.
+    pub from: usize,
+    /// The points of the curve that are new.
+    pub points: Vec<CurvePoint>,
+    /// Why it failed.
+    pub error: Option<String>,
 }
 
 /// The kinds of event.
@@ -173,4 +215,6 @@ pub enum Happening {
         /// What `result.json` holds.
         result: serde_json::Value,
     },
+    /// A compression of a session's grain began, went on or ended. Whoever watches is told; no journal has it.
+    Compression(CompressionNews),
 }

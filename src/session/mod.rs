@@ -5,6 +5,7 @@
 //!           journal.jsonl    what happened, a line each, each with the hash of the line before
 //!           frames/          the camera's own bytes
 //!           products/        what was computed from them
+//!           compressions/    the grain between two plates, a folder for each; no part of what was recorded
 //!           lock             held by the one process that writes
 //! ```
 //!
@@ -25,7 +26,7 @@ mod store;
 mod verify;
 mod writer;
 
-pub use disk::{check_space, free_bytes, sha256_hex, write_whole};
+pub use disk::{Held, LOCK, check_space, free_bytes, hold, sha256_hex, sha256_of, write_whole};
 pub use error::SessionError;
 pub use manifest::{Manifest, Origin, Plan, PlannedView, required_bytes};
 pub use name::check_name;

@@ -16,6 +16,7 @@ pub(super) const MANIFEST: &str = "manifest.json";
 pub(super) const JOURNAL: &str = "journal.jsonl";
 pub(super) const FRAMES: &str = "frames";
 pub(super) const PRODUCTS: &str = "products";
+pub(super) const COMPRESSIONS: &str = "compressions";
 
 /// How far a session has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -211,6 +212,20 @@ impl Recording {
     pub fn background(&self) -> Result<Option<Frame>, SessionError> {
         let read = |a: &ArchivedFile| read_checked(&self.folder.join(FRAMES).join(&a.file), &a.sha256);
         self.manifest.background.as_ref().map(read).transpose()
+    }
+
+    /// The folder of a compression of this session's grain, whether there is one of that name or not.
+    ///
+    /// # Errors
+    /// [`SessionError::Name`] for a name that is no plain name.
+    pub fn compression_path(&self, name: &str) -> Result<PathBuf, SessionError> {
+        check_name("compression", name)?;
+        Ok(self.compressions_path().join(name))
+    }
+
+    /// Where the compressions of this session's grain are, if there are any.
+    pub fn compressions_path(&self) -> PathBuf {
+        self.folder.join(COMPRESSIONS)
     }
 
     /// Where a product lies, whether it is written yet or not.

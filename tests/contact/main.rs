@@ -5,5 +5,6 @@ mod calculix;
 mod command;
 mod elements;
 mod grain;
+mod killed;
 mod press;
 mod sphere;

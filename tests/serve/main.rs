@@ -92,6 +92,10 @@ fn sessions_frames_and_products_are_read() {
     // A report may be shown, but none of its scripts may run as the page.
     let report = get(&server, "/api/v1/sessions/quartz/products/report.html");
     assert!(header(&report, "content-security-policy").starts_with("sandbox; default-src 'none'"));
+    let curve = get(&server, "/api/v1/sessions/quartz/compressions/elastic/files/curve.svg");
+    assert!(header(&curve, "content-security-policy").starts_with("sandbox; default-src 'none'"));
+    assert_eq!(header(&curve, "content-type"), "image/svg+xml");
+    assert_eq!(error_of(get(&server, "/api/v1/sessions/quartz/compressions/elastic/files/lock")).0, 404);
     assert_eq!(error_of(get(&server, "/api/v1/sessions/quartz/frames/9.jpg")).0, 404);
     assert_eq!(error_of(get(&server, "/api/v1/sessions/quartz/products/9.stl")).0, 404);
 }
@@ -182,7 +186,8 @@ fn the_description_has_every_route_and_no_loose_end() {
     for (path, item) in document["paths"].as_object().unwrap() {
         for method in item.as_object().unwrap().keys() {
             described.push(format!("{method} {path}"));
-            let path = path.replace("{id}", "quartz").replace("{file}", "0000.jpg");
+            let path =
+                path.replace("{id}", "quartz").replace("{file}", "0000.jpg").replace("{name}", "elastic");
             if method == "post" {
                 assert_ne!(post(&server, &path, &json!({ "name": "a" })).status(), 405, "{path}");
             } else if !path.ends_with("/events") {
@@ -197,20 +202,27 @@ fn the_description_has_every_route_and_no_loose_end() {
         "get /api/v1/openapi.json",
         "get /api/v1/sessions",
         "get /api/v1/sessions/{id}",
+        "get /api/v1/sessions/{id}/compressions",
+        "get /api/v1/sessions/{id}/compressions/{name}",
+        "get /api/v1/sessions/{id}/compressions/{name}/files/{file}",
         "get /api/v1/sessions/{id}/frames/{file}",
         "get /api/v1/sessions/{id}/previews/{file}",
         "get /api/v1/sessions/{id}/products/{file}",
         "get /api/v1/status",
+        "post /api/v1/compressions/current/cancel",
         "post /api/v1/doctor",
         "post /api/v1/runs",
         "post /api/v1/runs/current/abort",
         "post /api/v1/runs/current/pause",
         "post /api/v1/runs/current/resume",
+        "post /api/v1/sessions/{id}/compressions",
+        "post /api/v1/sessions/{id}/compressions/{name}/resume",
     ];
     assert_eq!(described, expected);
     // And no route is left out of it: those of the router, as its source has them.
-    let source = include_str!("../../src/server/routes.rs");
-    let routed = source.split(".route(\"").skip(1).count();
+    let sources =
+        [include_str!("../../src/server/routes.rs"), include_str!("../../src/server/compressing.rs")];
+    let routed: usize = sources.iter().map(|source| source.split(".route(\"").skip(1).count()).sum();
     assert_eq!(routed, described.len(), "a route is not described");
     let text = document.to_string();
     for reference in quoted(&text, "\"$ref\":\"#") {

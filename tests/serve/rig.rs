@@ -7,9 +7,10 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use grainrig::daemon::CompressRequest;
 use grainrig::server::{
-    Content, Download, EventFeed, KEPT_EVENTS, Refusal, RefusalKind, Rig, RunRequest, RunStarted, RunState,
-    ServeOptions, serve,
+    CompressionStarted, Compressions, Content, Download, EventFeed, KEPT_EVENTS, Refusal, RefusalKind, Rig,
+    RunRequest, RunStarted, RunState, ServeOptions, serve,
 };
 use grainrig::session::event::Happening;
 use grainrig::session::sha256_hex;
@@ -41,6 +42,40 @@ impl FakeRig {
         }
         self.happened(what);
         Ok(())
+    }
+}
+
+impl Compressions for FakeRig {
+    fn compress(&self, id: &str, request: CompressRequest) -> Result<CompressionStarted, Refusal> {
+        match request.settings() {
+            Ok(_) => Ok(CompressionStarted { session: id.to_owned(), name: "elastic".into() }),
+            Err(e) => Err(Refusal::new(RefusalKind::Invalid, e.to_string())),
+        }
+    }
+
+    fn resume_compression(&self, _: &str, name: &str) -> Result<(), Refusal> {
+        Err(Refusal::new(RefusalKind::NotFound, format!("there is no compression `{name}`")))
+    }
+
+    fn cancel_compression(&self) -> Result<(), Refusal> {
+        Err(Refusal::new(RefusalKind::Busy, "there is no compression"))
+    }
+
+    fn compressions(&self, _: &str) -> Result<Value, Refusal> {
+        Ok(json!([{ "name": "elastic" }]))
+    }
+
+    fn compression(&self, _: &str, name: &str) -> Result<Value, Refusal> {
+        Ok(json!({ "name": name, "files": [{ "file": "curve.svg" }] }))
+    }
+
+    fn compression_file(&self, _: &str, name: &str, file: &str) -> Result<Download, Refusal> {
+        match (name, file) {
+            ("elastic", "curve.svg") => {
+                Ok(download("image/svg+xml", b"<svg><script>alert(1)</script></svg>"))
+            }
+            _ => Err(Refusal::new(RefusalKind::NotFound, format!("`{name}` has no file `{file}`"))),
+        }
     }
 }
 

@@ -4,7 +4,9 @@ use super::DaemonError;
 use crate::contact::rest;
 use crate::geometry::{Ball, ImplicitBody, Point, TriangleMesh, Vector};
 use crate::mesh::{Controls, Solid, TetMesh, mesh};
+use crate::session::sha256_hex;
 use nalgebra::Rotation3;
+use serde::{Deserialize, Serialize};
 
 /// Elements where nobody says, over the diameter of a ball of the grain's volume.
 const SIZE: f64 = 1.0 / 14.0;
@@ -31,10 +33,24 @@ impl CompressInput {
             Self::Surface(_, name) | Self::Mesh(_, name) => name.clone(),
         }
     }
+
+    /// SHA-256 of the body itself, hexadecimal.
+    pub(super) fn sha256(&self) -> String {
+        match self {
+            Self::Sphere(d) => sha256_hex(&d.to_le_bytes()),
+            Self::Surface(surface, _) => {
+                let mut bytes = place_bytes(&surface.vertices);
+                bytes.extend(surface.triangles.iter().flatten().flat_map(|n| n.to_le_bytes()));
+                sha256_hex(&bytes)
+            }
+            Self::Mesh(mesh, _) => sha256_hex(&mesh_bytes(mesh)),
+        }
+    }
 }
 
 /// How the body is meshed and laid on the lower plate.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Placing {
     /// Largest circumradius of a surface facet, mm.
     pub size_mm: Option<f64>,
@@ -163,12 +179,16 @@ fn surface_center(surface: &TriangleMesh) -> Point {
     if volume > 0.0 { from + sum / volume } else { from }
 }
 
+fn place_bytes(places: &[Point]) -> Vec<u8> {
+    places.iter().flat_map(|p| [p.x, p.y, p.z]).flat_map(f64::to_le_bytes).collect()
+}
+
 /// The mesh, bit for bit: counts, places, node numbers.
 pub(super) fn mesh_bytes(mesh: &TetMesh) -> Vec<u8> {
     let mut out = Vec::new();
     out.extend((mesh.nodes.len() as u64).to_le_bytes());
     out.extend((mesh.tets.len() as u64).to_le_bytes());
-    out.extend(mesh.nodes.iter().flat_map(|p| [p.x, p.y, p.z]).flat_map(f64::to_le_bytes));
+    out.extend(place_bytes(&mesh.nodes));
     out.extend(mesh.tets.iter().flatten().flat_map(|n| n.to_le_bytes()));
     out
 }

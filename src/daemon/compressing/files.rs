@@ -6,7 +6,7 @@ use crate::export::{press_deck, pvd, vtu};
 use crate::geometry::{Point, Vector};
 use crate::mesh::TetMesh;
 use crate::report::{self, FieldCut, FieldPicture, Mark, Panel, Series, Sheet};
-use crate::session::write_whole;
+use crate::session::{LOCK, write_whole};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -121,7 +121,7 @@ pub(super) fn write(
     write_whole(folder, "calculix.inp", &text)?;
     let mut files: Vec<String> = (std::fs::read_dir(folder).into_iter().flatten().flatten())
         .map(|e| e.file_name().to_string_lossy().into_owned())
-        .filter(|n| !n.starts_with('.'))
+        .filter(|n| !n.starts_with('.') && n != LOCK)
         .chain(["result.json".to_owned()])
         .collect();
     files.sort();

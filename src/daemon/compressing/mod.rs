@@ -1,22 +1,33 @@
 //! A compression as a job: its folder, its checkpoints, its results.
 //!
-//! The folder holds `run.json` (what was asked), `mesh.bin` (the very mesh), `state.bin` (the checkpoint), and the results.
-//! What follows from the mesh and what was asked is computed again on resuming, so a resumed run goes on with the same bits.
+//! The folder holds `asked.json` (what was asked), `mesh.bin` (the very mesh), `run.json` (what is computed with it),
+//! `state.bin` (the checkpoint), `lock` (held by the one process that computes), and the results. What follows from the mesh
+//! and `run.json` is computed again on resuming, so a resumed run goes on with the same bits.
 
+mod asked;
 mod body;
+mod figures;
 mod files;
+mod host;
+mod job;
+mod news;
+mod shelf;
+#[cfg(test)]
+mod tests;
 
+pub use asked::{Claim, CompressMaterial, CompressRequest};
 pub use body::{CompressInput, Placing};
+pub use figures::{CompressProgress, CompressResult, CompressSettings, EnergyResult, OtherCurve};
+pub use host::{CompressError, CompressHost};
+pub use shelf::{CompressDetails, CompressFile, CompressLine, CompressState};
 
 use super::DaemonError;
 use crate::contact::{
-    Contact, ContactError, CurvePoint, Energy, HertzFit, Loading, Material, Press, QuasiStatic, Sample,
-    fit_hertz, hertz, quasi_static, transition_mm,
+    ContactError, CurvePoint, Loading, Press, Sample, fit_hertz, hertz, quasi_static, transition_mm,
 };
 use crate::mesh::TetMesh;
-use crate::session::write_whole;
+use crate::session::{Held, hold, write_whole};
 use body::{mesh_bytes, mesh_from};
-use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -26,138 +37,12 @@ const MESH: &str = "mesh.bin";
 const STATE: &str = "state.bin";
 /// The name of the file with all figures.
 const RESULT: &str = "result.json";
-/// `kill -9` loses at most this much computing, and a sample.
+/// `kill -9` loses at most this much computing, and a piece.
 const CHECKPOINT_EACH: Duration = Duration::from_secs(20);
+/// Steps between two looks at the clock and at whether to stop: with a million plastic elements on one core two seconds.
+const PIECE: u64 = 20;
 /// How many moments of the compression are kept as `.vtu` and as a picture.
 const STAGES: usize = 8;
-
-/// What was asked, as `run.json` keeps it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct CompressSettings {
-    /// Where the mesh is from.
-    pub source: String,
-    /// The material.
-    pub material: Material,
-    /// Coulomb's friction between plates and grain.
-    pub friction: f64,
-    /// How the plates move.
-    pub loading: Loading,
-    /// Height of the middle between the plates, mm, in the mesh's frame.
-    pub middle_mm: f64,
-    /// The plates' distance at the approach nought, mm.
-    pub gap_mm: f64,
-    /// The radius, where the body is a sphere, mm.
-    pub sphere_radius_mm: Option<f64>,
-    /// How the body was turned to come to rest, as a rotation vector, degrees.
-    pub placed_deg: [f64; 3],
-    /// The force at which `δ_i` is read, N.
-    pub transition_n: f64,
-}
-
-/// The figures of a compression.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct CompressResult {
-    /// What was asked.
-    pub settings: CompressSettings,
-    /// Whether the force or the approach asked for was reached.
-    pub finished: bool,
-    /// Force against the approach of the plates.
-    pub curve: Vec<CurvePoint>,
-    /// The approach at which the force passes `settings.transition_n`, mm.
-    pub delta_i_mm: Option<f64>,
-    /// Hertz' law fitted after `δ_i`.
-    pub hertz: Option<HertzFit>,
-    /// For a sphere the last force over that of the two-plate form.
-    pub over_two_plate_form: Option<f64>,
-    /// Tetrahedra.
-    pub elements: usize,
-    /// Nodes.
-    pub nodes: usize,
-    /// Steps done.
-    pub steps: u64,
-    /// The last time step, s.
-    pub step_s: f64,
-    /// Mass that scaling added, over the grain's.
-    pub added_mass: f64,
-    /// Computing time, of all parts of an interrupted run, s.
-    pub wall_s: f64,
-    /// The energies at the end, N·mm.
-    pub energy: EnergyResult,
-    /// The share of motion.
-    pub quasi_static: Option<QuasiStatic>,
-    /// How far the grain has turned, degrees.
-    pub rotation_deg: f64,
-    /// How far nodes are beyond a plate, mm: contact is exact.
-    pub overclosure_mm: f64,
-    /// Every contact that there was.
-    pub contacts: Vec<Contact>,
-    /// What a person should know.
-    pub warnings: Vec<String>,
-    /// What is in the folder.
-    pub files: Vec<String>,
-}
-
-/// Energies, N·mm.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct EnergyResult {
-    /// Of motion.
-    pub kinetic: f64,
-    /// Stored and taken by plastic flow.
-    pub internal: f64,
-    /// Work of the plates.
-    pub external: f64,
-    /// Unaccounted energy over the plates' work.
-    pub balance_error: f64,
-    /// Taken by plastic flow.
-    pub plastic: f64,
-    /// Taken by bulk viscosity.
-    pub viscous: f64,
-    /// Taken by damping.
-    pub damping: f64,
-    /// Taken by friction.
-    pub friction: f64,
-    /// Lost by nodes that met a plate.
-    pub impact: f64,
-}
-
-impl From<Energy> for EnergyResult {
-    fn from(e: Energy) -> Self {
-        Self {
-            kinetic: e.kinetic,
-            internal: e.internal(),
-            external: e.external,
-            balance_error: e.balance_error(),
-            plastic: e.plastic,
-            viscous: e.viscous,
-            damping: e.damping,
-            friction: e.friction,
-            impact: e.impact,
-        }
-    }
-}
-
-/// A curve to be drawn beside the computed one.
-#[derive(Debug, Clone, PartialEq)]
-pub struct OtherCurve {
-    /// Its name.
-    pub name: String,
-    /// The curve.
-    pub points: Vec<CurvePoint>,
-    /// Measured rather than computed.
-    pub measured: bool,
-}
-
-/// How far a compression is.
-#[derive(Debug, Clone, Copy)]
-pub struct CompressProgress<'a> {
-    /// From 0 to 1.
-    pub done: f64,
-    /// About how much longer, s.
-    pub left_s: Option<f64>,
-    /// The newest sample.
-    pub sample: &'a Sample,
-}
 
 /// A compression in its folder.
 pub struct Compression {
@@ -167,43 +52,39 @@ pub struct Compression {
     press: Press,
     /// Computing time of the parts before this one.
     earlier_s: f64,
+    _held: Held,
 }
 
 impl Compression {
-    /// Begins a compression in a folder that is empty or does not exist.
+    /// Begins a compression in a folder that is empty or does not exist; or goes on with the very same one that was
+    /// interrupted there.
     ///
     /// # Errors
     /// [`DaemonError`]: a body, a material or plates that cannot be computed, a folder that is not free or cannot be written.
     pub fn begin(
         folder: &Path,
-        input: &CompressInput,
+        input: CompressInput,
         placing: &Placing,
-        mut settings: CompressSettings,
+        settings: CompressSettings,
         told: &mut dyn FnMut(f64),
     ) -> Result<Self, DaemonError> {
-        super::merging::check_free(folder)?;
-        settings.material.check()?;
-        settings.loading.check()?;
-        let placed = body::placed(input, placing, told)?;
-        settings.source = input.name();
-        settings.middle_mm = placed.middle_mm;
-        settings.gap_mm = placed.gap_mm;
-        settings.sphere_radius_mm = placed.sphere_radius_mm;
-        settings.placed_deg = placed.turned_deg;
-        let press = press(&placed.mesh, &settings)?;
-        std::fs::create_dir_all(folder)
-            .map_err(|source| DaemonError::Write { path: folder.into(), source })?;
-        let text = serde_json::to_vec_pretty(&settings).map_err(|e| DaemonError::Encode(e.to_string()))?;
-        write_whole(folder, RUN, &text)?;
-        write_whole(folder, MESH, &mesh_bytes(&placed.mesh))?;
-        Ok(Self { folder: folder.into(), settings, mesh: placed.mesh, press, earlier_s: 0.0 })
+        Claim::new(folder, input, placing, settings)?.build(told)
     }
 
     /// Goes on with an interrupted one.
     ///
     /// # Errors
-    /// [`DaemonError::Resume`] where the folder holds none, or a damaged one.
+    /// [`DaemonError::Resume`] where the folder holds none, or a damaged one; [`DaemonError::Session`] where another process
+    /// computes it.
     pub fn resume(folder: &Path) -> Result<Self, DaemonError> {
+        if !folder.join(RUN).is_file() {
+            let reason = format!("{RUN} is missing");
+            return Err(DaemonError::Resume { path: folder.into(), reason });
+        }
+        Self::open(folder, hold(folder)?)
+    }
+
+    fn open(folder: &Path, held: Held) -> Result<Self, DaemonError> {
         let no = |reason: String| DaemonError::Resume { path: folder.into(), reason };
         let read = |name: &str| std::fs::read(folder.join(name)).map_err(|e| no(format!("{name}: {e}")));
         let settings: CompressSettings =
@@ -218,7 +99,24 @@ impl Compression {
             earlier_s = f64::from_le_bytes(*head);
             press.restore(state).map_err(|e| no(e.to_string()))?;
         }
-        Ok(Self { folder: folder.into(), settings, mesh, press, earlier_s })
+        Ok(Self { folder: folder.into(), settings, mesh, press, earlier_s, _held: held })
+    }
+
+    /// Meshes what was claimed.
+    fn meshed(claim: Claim, told: &mut dyn FnMut(f64)) -> Result<Self, DaemonError> {
+        let Claim { folder, held, input, placing, mut settings } = claim;
+        let placed = body::placed(&input, &placing, told)?;
+        settings.source = input.name();
+        settings.middle_mm = placed.middle_mm;
+        settings.gap_mm = placed.gap_mm;
+        settings.sphere_radius_mm = placed.sphere_radius_mm;
+        settings.placed_deg = placed.turned_deg;
+        let press = press(&placed.mesh, &settings)?;
+        let text = serde_json::to_vec_pretty(&settings).map_err(|e| DaemonError::Encode(e.to_string()))?;
+        write_whole(&folder, MESH, &mesh_bytes(&placed.mesh))?;
+        // The last of the two: where it is, the other is.
+        write_whole(&folder, RUN, &text)?;
+        Ok(Self { folder, settings, mesh: placed.mesh, press, earlier_s: 0.0, _held: held })
     }
 
     /// What was asked.
@@ -229,6 +127,16 @@ impl Compression {
     /// Elements, nodes and the time step in s.
     pub fn size(&self) -> (usize, usize, f64) {
         (self.press.body().elements(), self.press.body().nodes(), self.press.step_s())
+    }
+
+    /// How much of the way to the end is done, 0 to 1; above 0 where it goes on from a checkpoint.
+    pub fn done(&self) -> f64 {
+        self.press.done()
+    }
+
+    /// Force against the approach of the plates, so far.
+    pub fn curve(&self) -> Vec<CurvePoint> {
+        self.press.samples().iter().map(CurvePoint::from).collect()
     }
 
     /// Computes to the end, or until `stop` is set, and writes the results either way.
@@ -243,13 +151,24 @@ impl Compression {
         told: &mut dyn FnMut(CompressProgress),
     ) -> Result<CompressResult, DaemonError> {
         let start = Instant::now();
+        self.run_by(&|| start.elapsed(), others, stop, told)
+    }
+
+    /// As [`Self::run`], with the time since its beginning as this clock has it.
+    fn run_by(
+        &mut self,
+        now: &dyn Fn() -> Duration,
+        others: &[OtherCurve],
+        stop: &AtomicBool,
+        told: &mut dyn FnMut(CompressProgress),
+    ) -> Result<CompressResult, DaemonError> {
         let done_before = self.press.done();
-        let mut last_kept = Instant::now();
+        let mut kept = Duration::ZERO;
         let mut failed: Option<ContactError> = None;
         while !self.press.finished() && !stop.load(Ordering::Relaxed) {
             let stages = self.stages().len();
-            let sample = match self.press.next_sample() {
-                Ok(sample) => sample.clone(),
+            let sampled = match self.press.advance(PIECE) {
+                Ok(sampled) => sampled,
                 Err(e) => {
                     failed = Some(e);
                     break;
@@ -258,20 +177,23 @@ impl Compression {
             if self.stages().len() > stages {
                 files::stage(&self.folder, self.stages().len(), &self.mesh, &self.press)?;
             }
-            if last_kept.elapsed() >= CHECKPOINT_EACH {
-                self.keep(start)?;
-                last_kept = Instant::now();
+            let spent = now();
+            if spent.saturating_sub(kept) >= CHECKPOINT_EACH {
+                self.keep(spent)?;
+                kept = spent;
             }
-            let done = self.press.done();
-            let spent = start.elapsed().as_secs_f64();
-            let left_s = (done > done_before + 1e-3).then(|| spent * (1.0 - done) / (done - done_before));
-            told(CompressProgress { done, left_s, sample: &sample });
+            if let Some(sample) = self.press.samples().last().filter(|_| sampled) {
+                let done = self.press.done();
+                let left_s = (done > done_before + 1e-3)
+                    .then(|| spent.as_secs_f64() * (1.0 - done) / (done - done_before));
+                told(CompressProgress { done, left_s, sample });
+            }
         }
-        if failed.is_none() {
-            self.keep(start)?;
+        // Before the first step there is nothing to keep.
+        if failed.is_none() && self.press.dynamics().steps > 0 {
+            self.keep(now())?;
         }
-        let wall_s = self.earlier_s + start.elapsed().as_secs_f64();
-        let result = self.results(wall_s, others)?;
+        let result = self.results(self.earlier_s + now().as_secs_f64(), others)?;
         failed.map_or(Ok(result), |e| Err(e.into()))
     }
 
@@ -280,8 +202,8 @@ impl Compression {
         stages(&self.settings.loading, self.press.samples())
     }
 
-    fn keep(&self, start: Instant) -> Result<(), DaemonError> {
-        let mut bytes = (self.earlier_s + start.elapsed().as_secs_f64()).to_le_bytes().to_vec();
+    fn keep(&self, spent: Duration) -> Result<(), DaemonError> {
+        let mut bytes = (self.earlier_s + spent.as_secs_f64()).to_le_bytes().to_vec();
         bytes.extend(self.press.save());
         write_whole(&self.folder, STATE, &bytes)?;
         Ok(())

@@ -1,0 +1,244 @@
+//! What is asked of a compression, and the folder that is claimed for it.
+
+use super::{CompressInput, CompressSettings, Compression, DaemonError, MESH, Placing, RESULT, RUN};
+use crate::contact::{ContactError, Loading, Material, Plates};
+use crate::session::{Held, LOCK, hold, write_whole};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+const ASKED: &str = "asked.json";
+
+/// How a grain answers.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum CompressMaterial {
+    /// Elastic.
+    #[default]
+    Elastic,
+    /// Elastic, then plastic from the yield stress on.
+    Plastic,
+}
+
+/// A compression as it is asked for; what is left out has its usual value.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct CompressRequest {
+    /// How the grain answers.
+    pub material: CompressMaterial,
+    /// Young's modulus, MPa.
+    pub young_mpa: f64,
+    /// Poisson's ratio.
+    pub poisson: f64,
+    /// Density, t/mm³.
+    pub density_t_mm3: f64,
+    /// Yield stress of a plastic grain, MPa.
+    pub yield_mpa: f64,
+    /// Slope of the yield stress against the plastic strain, MPa.
+    pub hardening_mpa: f64,
+    /// Coulomb's friction between plates and grain.
+    pub friction: f64,
+    /// Stop at this force, N; 10 N where neither force nor approach is given.
+    pub to_force_n: Option<f64>,
+    /// Stop at this approach of the plates, mm.
+    pub to_approach_mm: Option<f64>,
+    /// Largest circumradius of a surface facet, mm.
+    pub size_mm: Option<f64>,
+    /// The same where the plates touch, mm.
+    pub size_at_contact_mm: Option<f64>,
+    /// Turn the grain about x, then y, then z (degrees) instead of letting it come to rest.
+    pub rotate_deg: Option<[f64; 3]>,
+    /// Multiple of the usual speed of the plates.
+    pub speed: f64,
+    /// Mass that may be added to the smallest elements, over the grain's.
+    pub mass_scaling: f64,
+    /// A time step instead of nine tenths of the stable one, s.
+    pub time_step_s: Option<f64>,
+    /// The force at which the transition to a Hertzian response is read, N.
+    pub transition_n: f64,
+}
+
+impl Default for CompressRequest {
+    /// Nadimi and Fonseca's (2017) grain, elastic, to 10 N; a plastic one yields at 100 MPa.
+    fn default() -> Self {
+        let (material, loading) = (Material::default(), Loading::default());
+        Self {
+            material: CompressMaterial::Elastic,
+            young_mpa: material.young_mpa,
+            poisson: material.poisson,
+            density_t_mm3: material.density_t_mm3,
+            yield_mpa: 100.0,
+            hardening_mpa: material.hardening_mpa,
+            friction: 0.2,
+            to_force_n: None,
+            to_approach_mm: None,
+            size_mm: None,
+            size_at_contact_mm: None,
+            rotate_deg: None,
+            speed: 1.0,
+            mass_scaling: loading.mass_scaling,
+            time_step_s: None,
+            transition_n: 2.0,
+        }
+    }
+}
+
+impl CompressRequest {
+    /// What is computed, but for what the body says.
+    ///
+    /// # Errors
+    /// [`ContactError::Setting`] for the first figure that makes no sense.
+    pub fn settings(&self) -> Result<CompressSettings, ContactError> {
+        let positive = |name, value: f64, unit, remedy| {
+            let limit = "positive and finite";
+            let fits = value.is_finite() && value > 0.0;
+            if fits { Ok(()) } else { Err(ContactError::Setting { name, value, unit, limit, remedy }) }
+        };
+        positive("speed", self.speed, "", "1 is usual")?;
+        positive("transition_n", self.transition_n, "N", "2 N is usual")?;
+        for (name, size) in [("size_mm", self.size_mm), ("size_at_contact_mm", self.size_at_contact_mm)] {
+            size.map_or(Ok(()), |size| positive(name, size, "mm", "leave it out"))?;
+        }
+        if let Some(&value) = self.rotate_deg.iter().flatten().find(|x| !x.is_finite()) {
+            let (name, unit, limit, remedy) = ("rotate_deg", "°", "finite", "leave it out");
+            return Err(ContactError::Setting { name, value, unit, limit, remedy });
+        }
+        let usual = Loading::default();
+        let loading = Loading {
+            to_force_n: self.to_force_n.or(usual.to_force_n.filter(|_| self.to_approach_mm.is_none())),
+            to_approach_mm: self.to_approach_mm,
+            slowest: self.speed * usual.slowest,
+            fastest: self.speed * usual.fastest,
+            motion_share: (self.speed * self.speed * usual.motion_share).min(1.0),
+            mass_scaling: self.mass_scaling,
+            step_s: self.time_step_s,
+            ..usual
+        };
+        let material = Material {
+            young_mpa: self.young_mpa,
+            poisson: self.poisson,
+            density_t_mm3: self.density_t_mm3,
+            yield_mpa: (self.material == CompressMaterial::Plastic).then_some(self.yield_mpa),
+            hardening_mpa: self.hardening_mpa,
+        };
+        loading.check()?;
+        material.check()?;
+        // Any body will do to look at the friction.
+        Plates { lower_mm: 0.0, upper_mm: 1.0, friction: self.friction }.check(0.0, 1.0)?;
+        Ok(CompressSettings {
+            source: String::new(),
+            material,
+            friction: self.friction,
+            loading,
+            middle_mm: 0.0,
+            gap_mm: 0.0,
+            sphere_radius_mm: None,
+            placed_deg: [0.0; 3],
+            transition_n: self.transition_n,
+        })
+    }
+
+    /// How the body is meshed and laid down.
+    pub fn placing(&self) -> Placing {
+        Placing {
+            size_mm: self.size_mm,
+            size_at_contact_mm: self.size_at_contact_mm,
+            rotate_deg: self.rotate_deg,
+        }
+    }
+}
+
+/// What was asked, as `asked.json` keeps it: the same again goes on, something else begins elsewhere.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct Asked {
+    /// The body's name.
+    pub input: String,
+    /// Of the body, whatever its file was called.
+    pub sha256: String,
+    pub placing: Placing,
+    pub settings: CompressSettings,
+}
+
+/// What was asked in a folder; `None` where nothing was, or nobody can read it.
+pub(super) fn asked(folder: &Path) -> Option<Asked> {
+    serde_json::from_slice(&std::fs::read(folder.join(ASKED)).ok()?).ok()
+}
+
+/// Whether the compression in a folder has come to its end.
+pub(super) fn is_finished(folder: &Path) -> bool {
+    #[derive(Deserialize)]
+    struct Ended {
+        finished: bool,
+    }
+    let text = std::fs::read(folder.join(RESULT)).ok();
+    let ended: Option<Ended> = text.and_then(|text| serde_json::from_slice(&text).ok());
+    ended.is_some_and(|ended| ended.finished)
+}
+
+/// A folder that is ours for one compression: what was asked is in it, durable, and nobody else computes there.
+#[derive(Debug)]
+pub struct Claim {
+    pub(super) folder: PathBuf,
+    pub(super) held: Held,
+    pub(super) input: CompressInput,
+    pub(super) placing: Placing,
+    pub(super) settings: CompressSettings,
+}
+
+impl Claim {
+    /// Claims a folder that is empty or does not exist, or in which the same was asked and has not come to its end.
+    ///
+    /// # Errors
+    /// [`DaemonError::NotFree`] for a folder with something else in it, [`DaemonError::Session`] where another process computes
+    /// there or the disk fails.
+    pub fn new(
+        folder: &Path,
+        input: CompressInput,
+        placing: &Placing,
+        settings: CompressSettings,
+    ) -> Result<Self, DaemonError> {
+        let wanted = Asked {
+            input: input.name(),
+            sha256: input.sha256(),
+            placing: *placing,
+            settings: settings.clone(),
+        };
+        let goes_on = match asked(folder) {
+            Some(before) => (before == wanted && !is_finished(folder)) || !folder.join(MESH).exists(),
+            None => is_free(folder),
+        };
+        if !goes_on {
+            return Err(DaemonError::NotFree { path: folder.into() });
+        }
+        std::fs::create_dir_all(folder)
+            .map_err(|source| DaemonError::Write { path: folder.into(), source })?;
+        let held = hold(folder)?;
+        let text = serde_json::to_vec_pretty(&wanted).map_err(|e| DaemonError::Encode(e.to_string()))?;
+        write_whole(folder, ASKED, &text)?;
+        Ok(Self { folder: folder.into(), held, input, placing: *placing, settings })
+    }
+
+    /// Meshes the body and lays it between the plates; where that was done before an interruption, takes up from the checkpoint.
+    /// `told` hears how much of the meshing is done, 0 to 1.
+    ///
+    /// # Errors
+    /// [`DaemonError`]: a body or plates that cannot be computed, a damaged checkpoint, a disk that fails.
+    pub fn build(self, told: &mut dyn FnMut(f64)) -> Result<Compression, DaemonError> {
+        if self.folder.join(RUN).exists() {
+            return Compression::open(&self.folder, self.held);
+        }
+        Compression::meshed(self, told)
+    }
+}
+
+/// Whether nothing is in a folder but what a claim that was broken off leaves.
+fn is_free(folder: &Path) -> bool {
+    match std::fs::read_dir(folder) {
+        Ok(mut entries) => entries.all(|e| {
+            e.is_ok_and(|e| {
+                let name = e.file_name();
+                name == LOCK || name.to_string_lossy().starts_with(&format!(".{ASKED}."))
+            })
+        }),
+        Err(e) => e.kind() == std::io::ErrorKind::NotFound,
+    }
+}

@@ -1,0 +1,111 @@
+//! The compressions of a session as they lie in its folder.
+
+use super::asked::{asked, is_finished};
+use super::{CompressError, CompressSettings, MESH, Placing, RESULT, STATE};
+use crate::session::{LOCK, Recording, check_name};
+use serde::Serialize;
+use std::fs::File;
+use std::path::Path;
+
+/// How a compression stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CompressState {
+    /// It is being computed.
+    Running,
+    /// It can go on.
+    Interrupted,
+    /// It came to its end.
+    Complete,
+}
+
+/// One line of the list of compressions.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CompressLine {
+    /// The folder's name.
+    pub name: String,
+    /// How it stands.
+    pub state: CompressState,
+    /// What was asked.
+    pub settings: CompressSettings,
+    /// How the body was to be meshed and laid down.
+    pub placing: Placing,
+}
+
+/// A file of a compression.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct CompressFile {
+    /// Its name.
+    pub file: String,
+    /// Its length.
+    pub bytes: u64,
+}
+
+/// A compression with its results.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CompressDetails {
+    /// What the list says of it.
+    #[serde(flatten)]
+    pub line: CompressLine,
+    /// What `result.json` holds, where it is there: when the compression has ended or was stopped.
+    pub result: Option<serde_json::Value>,
+    /// The results so far.
+    pub files: Vec<CompressFile>,
+}
+
+/// The compressions of a session, by name; `running` is the one that is being computed.
+pub(super) fn list(recording: &Recording, running: Option<&str>) -> Vec<CompressLine> {
+    let entries = std::fs::read_dir(recording.compressions_path()).into_iter().flatten().flatten();
+    let names = entries.map(|e| e.file_name().to_string_lossy().into_owned());
+    let mut all: Vec<CompressLine> =
+        names.filter_map(|name| line(&recording.compression_path(&name).ok()?, name, running)).collect();
+    all.sort_by(|a, b| a.name.cmp(&b.name));
+    all
+}
+
+fn line(folder: &Path, name: String, running: Option<&str>) -> Option<CompressLine> {
+    let asked = asked(folder)?;
+    let state = if running == Some(name.as_str()) {
+        CompressState::Running
+    } else if is_finished(folder) {
+        CompressState::Complete
+    } else {
+        CompressState::Interrupted
+    };
+    Some(CompressLine { name, state, settings: asked.settings, placing: asked.placing })
+}
+
+pub(super) fn details(
+    recording: &Recording,
+    name: &str,
+    running: Option<&str>,
+) -> Result<CompressDetails, CompressError> {
+    let folder = recording.compression_path(name)?;
+    let line = line(&folder, name.to_owned(), running).ok_or(CompressError::Absent)?;
+    let text = std::fs::read(folder.join(RESULT)).ok();
+    let result = text.and_then(|text| serde_json::from_slice(&text).ok());
+    Ok(CompressDetails { line, result, files: files(&folder) })
+}
+
+/// Opens one of the files that the details list; the name is looked for there and nowhere else.
+pub(super) fn open(recording: &Recording, name: &str, file: &str) -> Result<File, CompressError> {
+    let folder = recording.compression_path(name)?;
+    let listed = files(&folder).into_iter().find(|f| f.file == file).ok_or(CompressError::Absent)?;
+    File::open(folder.join(listed.file)).map_err(|_| CompressError::Absent)
+}
+
+/// The results in a folder: plain files with plain names; not what only a resumed run reads.
+fn files(folder: &Path) -> Vec<CompressFile> {
+    let mut all: Vec<CompressFile> = (std::fs::read_dir(folder).into_iter().flatten().flatten())
+        .filter_map(|entry| {
+            let file = entry.file_name().to_str()?.to_owned();
+            // A link's own kind is told here, not that of what it leads to.
+            let about = entry.metadata().ok().filter(std::fs::Metadata::is_file)?;
+            check_name("file", &file).ok()?;
+            (![MESH, STATE, LOCK].contains(&file.as_str()))
+                .then_some(CompressFile { file, bytes: about.len() })
+        })
+        .collect();
+    all.sort_by(|a, b| a.file.cmp(&b.file));
+    all
+}

@@ -1,0 +1,92 @@
+// @ts-check
+// A real browser and a real daemon on the simulated rig, for the tests that look at the page.
+//
+// GRAINRIG_BIN     the binary (without it such tests are skipped)
+// CHROMIUM         the browser; without it the one that playwright has installed
+// SCREENSHOT_DIR   where pictures of the page go, if anywhere
+
+import assert from "node:assert/strict";
+import { spawn } from "node:child_process";
+import { existsSync } from "node:fs";
+import { mkdtemp, rm } from "node:fs/promises";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { createInterface } from "node:readline";
+
+const chromium = await import("playwright-core").then((module) => module.chromium, () => null);
+const executablePath = process.env.CHROMIUM || chromium?.executablePath();
+
+/** What is missing for a test in a browser; false where nothing is. */
+export function missing() {
+  if (!process.env.GRAINRIG_BIN) return "skipped: GRAINRIG_BIN names no program";
+  if (!chromium) return "skipped: playwright-core is not installed (npm ci)";
+  if (!executablePath || !existsSync(executablePath)) return "skipped: no browser is installed (make tools)";
+  return false;
+}
+
+const FLAGS = [
+  "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking", "--disable-component-update",
+  "--disable-sync",
+];
+/** As long as a run or a compression may take on a busy computer. */
+export const LIMIT_MS = 180_000;
+
+/**
+ * Starts the daemon on a port of its own.
+ * @param {string} data
+ */
+async function daemon(data) {
+  const child = spawn(/** @type {string} */ (process.env.GRAINRIG_BIN), ["serve", "--data", data, "--listen", "127.0.0.1:0"], {
+    stdio: ["ignore", "inherit", "pipe"],
+  });
+  const lines = createInterface({ input: child.stderr });
+  const url = await new Promise((resolve, reject) => {
+    const heard = /** @type {string[]} */ ([]);
+    lines.on("line", (line) => {
+      heard.push(line);
+      const found = /http:\/\/127\.0\.0\.1:\d+\//.exec(line);
+      if (found) resolve(found[0]);
+    });
+    child.on("error", reject);
+    child.on("exit", (code) => reject(new Error(`the daemon ended with ${code}:\n${heard.join("\n")}`)));
+  });
+  return { child, url: /** @type {string} */ (url) };
+}
+
+/**
+ * A page of a daemon of its own, which both go when the test is over.
+ * @param {import("node:test").TestContext} t
+ */
+export async function opened(t) {
+  assert.ok(chromium);
+  const data = await mkdtemp(join(tmpdir(), "grainrig-monitor-"));
+  t.after(() => rm(data, { recursive: true, force: true }));
+  const { child, url } = await daemon(data);
+  t.after(async () => {
+    const ended = new Promise((resolve) => child.once("exit", resolve));
+    if (child.exitCode === null && child.kill("SIGTERM")) await ended;
+  });
+  const browser = await chromium.launch({ executablePath, args: FLAGS });
+  t.after(() => browser.close());
+  const page = await browser.newPage({ viewport: { width: 1280, height: 900 } });
+  /** What the page's console complained of. */
+  const complaints = /** @type {string[]} */ ([]);
+  page.on("console", (message) => message.type() === "error" && complaints.push(message.text()));
+  page.on("pageerror", (error) => complaints.push(error.message));
+  return {
+    url,
+    page,
+    complaints,
+    picture: async (/** @type {string} */ name) => {
+      const folder = process.env.SCREENSHOT_DIR;
+      if (folder) await page.screenshot({ path: join(folder, `${name}.png`), fullPage: true });
+    },
+    /** Asserts that nothing is wider than the window. */
+    fits: async () => {
+      const [wide, there] = await page.evaluate(() => [document.documentElement.scrollWidth, window.innerWidth]);
+      assert.ok(wide <= there, `the page is ${wide} px wide, the window ${there} px`);
+    },
+    says: (/** @type {string} */ id, /** @type {RegExp} */ text, timeout = 15_000) =>
+      page.getByTestId(id).filter({ hasText: text }).waitFor({ timeout }),
+  };
+}
