@@ -9,6 +9,7 @@ pub mod inp;
 pub mod inp_read;
 pub mod msh;
 pub mod nrrd;
+mod numbers;
 pub mod ply;
 pub mod press_deck;
 pub mod pvd;

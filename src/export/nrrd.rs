@@ -4,6 +4,7 @@
 //! Read are three dimensions of numbers, raw or gzip, in one file, with cubic voxels whose axes are x, y and z.
 
 use super::ExportError;
+use super::numbers::Kind;
 use std::io::Read as _;
 
 /// The most voxels that are read: with what is made of them some 9 bytes each.
@@ -25,73 +26,28 @@ pub struct Volume {
     bytes: Vec<u8>,
 }
 
-/// What a sample is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Kind {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
-}
-
-impl Kind {
-    fn named(name: &str) -> Option<Self> {
-        Some(match name {
-            "signed char" | "int8" | "int8_t" => Self::I8,
-            "uchar" | "unsigned char" | "uint8" | "uint8_t" => Self::U8,
-            "short" | "short int" | "signed short" | "signed short int" | "int16" | "int16_t" => Self::I16,
-            "ushort" | "unsigned short" | "unsigned short int" | "uint16" | "uint16_t" => Self::U16,
-            "int" | "signed int" | "int32" | "int32_t" => Self::I32,
-            "uint" | "unsigned int" | "uint32" | "uint32_t" => Self::U32,
-            "float" => Self::F32,
-            "double" => Self::F64,
-            _ => return None,
-        })
-    }
-
-    fn bytes(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::F64 => 8,
-        }
-    }
-}
-
 impl Volume {
     /// The samples in the file's order, x fastest.
     pub fn samples(&self) -> impl Iterator<Item = f64> + '_ {
-        self.bytes.chunks_exact(self.kind.bytes()).map(|sample| {
-            let mut b = [0u8; 8];
-            b[..sample.len()].copy_from_slice(sample);
-            if self.big_endian {
-                b[..sample.len()].reverse();
-            }
-            let [b0, b1, b2, b3, ..] = b;
-            match self.kind {
-                Kind::I8 => f64::from(b0.cast_signed()),
-                Kind::U8 => f64::from(b0),
-                Kind::I16 => f64::from(i16::from_le_bytes([b0, b1])),
-                Kind::U16 => f64::from(u16::from_le_bytes([b0, b1])),
-                Kind::I32 => f64::from(i32::from_le_bytes([b0, b1, b2, b3])),
-                Kind::U32 => f64::from(u32::from_le_bytes([b0, b1, b2, b3])),
-                Kind::F32 => f64::from(f32::from_le_bytes([b0, b1, b2, b3])),
-                Kind::F64 => f64::from_le_bytes(b),
-            }
-        })
+        // A chunk has the bytes of one sample.
+        (self.bytes.chunks_exact(self.kind.size()))
+            .filter_map(|sample| self.kind.read(sample, self.big_endian))
     }
 
     /// Halfway between the two values of a volume that has just two; `None` of any other.
     pub fn between_two_values(&self) -> Option<f64> {
-        let mut samples = self.samples();
-        let first = samples.next()?;
-        let second = samples.by_ref().find(|s| *s != first)?;
-        samples.all(|s| s == first || s == second).then_some(f64::midpoint(first, second))
+        let mut values: Vec<f64> = Vec::new();
+        for sample in self.samples() {
+            // The same number, not nearly the same.
+            if !values.iter().any(|v| v.total_cmp(&sample).is_eq()) {
+                values.push(sample);
+            }
+            if values.len() > 2 {
+                return None;
+            }
+        }
+        let [first, second] = values.try_into().ok()?;
+        Some(f64::midpoint(first, second))
     }
 }
 
@@ -141,17 +97,17 @@ pub fn read(file: &[u8]) -> Result<Volume, ExportError> {
     let big_endian = match field(&["endian"]) {
         Some("big") => true,
         Some("little") => false,
-        None if kind.bytes() == 1 => false,
+        None if kind.size() == 1 => false,
         other => return Err(bad(format!("endian is `{}`, not little or big", other.unwrap_or("missing")))),
     };
-    let expected = count * kind.bytes();
+    let expected = count * kind.size();
     let bytes = samples(needed("encoding")?, data, expected)?;
     if bytes.len() != expected {
         let than = if bytes.len() > expected { "more than" } else { "not" };
         return Err(bad(format!(
             "it holds {} bytes of samples, {than} the {expected} of {sizes} samples of {} bytes",
             bytes.len().min(expected + 1),
-            kind.bytes()
+            kind.size()
         )));
     }
     let origin = field(&["space origin"]).map_or(Ok([0.0; 3]), vector)?;
@@ -288,7 +244,7 @@ mod tests {
         assert!(read(b"NRRD0004\ntype: uchar").unwrap_err().to_string().contains("empty line"));
         // What unpacks to more than it says is not unpacked.
         let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
-        std::io::Write::write_all(&mut packed, &[7; 100_000]).unwrap();
+        std::io::Write::write_all(&mut packed, &vec![7; 100_000]).unwrap();
         let said =
             read(&file(&good.replace("raw", "gzip"), &packed.finish().unwrap())).unwrap_err().to_string();
         assert!(said.contains("3 bytes of samples, more than the 2"), "{said}");

@@ -1,6 +1,7 @@
 //! PLY (Stanford's polygon format): surfaces written in binary, read in binary or text.
 
 use super::ExportError;
+use super::numbers::Kind;
 use crate::geometry::{Point, TriangleMesh};
 use std::io::Write;
 
@@ -34,35 +35,6 @@ enum Coding {
     Big,
 }
 
-/// Types of numbers.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Kind {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
-}
-
-impl Kind {
-    fn of(name: &str) -> Option<Self> {
-        Some(match name {
-            "char" | "int8" => Self::I8,
-            "uchar" | "uint8" => Self::U8,
-            "short" | "int16" => Self::I16,
-            "ushort" | "uint16" => Self::U16,
-            "int" | "int32" => Self::I32,
-            "uint" | "uint32" => Self::U32,
-            "float" | "float32" => Self::F32,
-            "double" | "float64" => Self::F64,
-            _ => return None,
-        })
-    }
-}
-
 struct Property {
     name: String,
     /// The type of its count where it is a list.
@@ -92,27 +64,9 @@ impl Numbers<'_> {
             self.rest = &rest[end..];
             return word.parse().map_err(|_| bad(format!("`{word:.40}` is no number")));
         }
-        Ok(match kind {
-            Kind::I8 => f64::from(i8::from_le_bytes(self.bytes()?)),
-            Kind::U8 => f64::from(u8::from_le_bytes(self.bytes()?)),
-            Kind::I16 => f64::from(i16::from_le_bytes(self.bytes()?)),
-            Kind::U16 => f64::from(u16::from_le_bytes(self.bytes()?)),
-            Kind::I32 => f64::from(i32::from_le_bytes(self.bytes()?)),
-            Kind::U32 => f64::from(u32::from_le_bytes(self.bytes()?)),
-            Kind::F32 => f64::from(f32::from_le_bytes(self.bytes()?)),
-            Kind::F64 => f64::from_le_bytes(self.bytes()?),
-        })
-    }
-
-    /// The next bytes, the least significant first.
-    fn bytes<const N: usize>(&mut self) -> Result<[u8; N], ExportError> {
-        let (first, rest) = self.rest.split_first_chunk::<N>().ok_or_else(cut_short)?;
-        let mut bytes = *first;
-        self.rest = rest;
-        if self.coding == Coding::Big {
-            bytes.reverse();
-        }
-        Ok(bytes)
+        let number = kind.read(self.rest, self.coding == Coding::Big).ok_or_else(cut_short)?;
+        self.rest = &self.rest[kind.size()..];
+        Ok(number)
     }
 }
 
@@ -204,14 +158,17 @@ fn header(bytes: &[u8]) -> Result<(Coding, Vec<Element>, &[u8]), ExportError> {
                 elements.push(Element { name: name.to_owned(), count, properties: Vec::new() });
             }
             ["property", "list", count, kind, name] => {
-                let list = Some(Kind::of(count).ok_or_else(unknown)?);
+                let list = Some(Kind::named(count).ok_or_else(unknown)?);
                 let property =
-                    Property { name: name.to_owned(), list, kind: Kind::of(kind).ok_or_else(unknown)? };
+                    Property { name: name.to_owned(), list, kind: Kind::named(kind).ok_or_else(unknown)? };
                 elements.last_mut().ok_or_else(unknown)?.properties.push(property);
             }
             ["property", kind, name] => {
-                let property =
-                    Property { name: name.to_owned(), list: None, kind: Kind::of(kind).ok_or_else(unknown)? };
+                let property = Property {
+                    name: name.to_owned(),
+                    list: None,
+                    kind: Kind::named(kind).ok_or_else(unknown)?,
+                };
                 elements.last_mut().ok_or_else(unknown)?.properties.push(property);
             }
             ["end_header"] => {
