@@ -122,14 +122,15 @@ mod tests {
         let voxels = Voxels::new(Point::origin(), 0.02, [n; 3], &inside).unwrap();
         let made = mesh(&voxels, &Controls::for_size(1.2), &mut |_| ()).unwrap();
         let counted = voxels.volume_mm3();
-        assert!((counted / (4.0 / 3.0 * std::f64::consts::PI * 0.027) - 1.0).abs() < 0.01, "{counted}");
+        assert!((counted / (4.0 / 3.0 * std::f64::consts::PI * 0.027) - 1.0).abs() < 0.015, "{counted}");
         assert!((made.volume_mm3() / counted - 1.0).abs() < 0.012, "{} {counted}", made.volume_mm3());
         let middle = Vector::repeat(19.5 * 0.02);
         for p in made.surface().triangles.vertices {
             assert!(((p.coords - middle).norm() - 0.3).abs() < 0.01, "{p}");
         }
         let places = voxels.places();
-        assert!(places.len() > 5000);
+        // Each line through the ball's shadow along an axis, twice: 3 · 2 · π · 15².
+        assert!((4000..4500).contains(&places.len()), "{}", places.len());
         for p in places {
             assert!(voxels.value(&p).abs() < 1e-7 && ((p.coords - middle).norm() - 0.3).abs() < 0.01, "{p}");
         }
