@@ -46,6 +46,15 @@ pub trait Camera: Send {
     fn describe(&self) -> String;
 }
 
+/// Closes the contacts of a camera's remote release.
+pub trait Shutter: Send {
+    /// Releases the shutter once; returns when it has been released, not when the picture is taken.
+    ///
+    /// # Errors
+    /// [`RigError`] where nobody knows whether it was released.
+    fn release(&mut self) -> Result<(), RigError>;
+}
+
 /// One photograph as the camera delivered it: never re-encoded.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Frame {

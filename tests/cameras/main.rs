@@ -15,3 +15,6 @@ mod ptp_camera;
 mod runs;
 #[cfg(feature = "v4l")]
 mod video;
+#[cfg(feature = "v4l")]
+#[path = "../video_camera/mod.rs"]
+mod video_camera;

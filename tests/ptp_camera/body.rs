@@ -1,11 +1,11 @@
 //! The camera's body: what it holds, how its shutter works, and the operations that every PTP camera has.
 
-use super::eos::Eos;
+use super::eos::{self, Eos};
 use super::wire::{Bytes, u16_at, u32_at};
-use super::{Fault, Personality, Pictures, Setup};
+use super::{Fault, Personality, Pictures, Served, Setup};
 use std::collections::BTreeMap;
 use std::sync::mpsc::Sender;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 /// Response codes (PTP, ISO 15740, clause 11.3).
 pub mod code {
@@ -132,6 +132,8 @@ pub struct Body {
     pub off: bool,
     pub releases: usize,
     pub sessions: usize,
+    pub served: Vec<Served>,
+    pub exposed: Vec<SystemTime>,
     pub objects: BTreeMap<u32, Object>,
     next: u32,
     refusals: usize,
@@ -158,6 +160,8 @@ impl Body {
             off: false,
             releases: 0,
             sessions: 0,
+            served: Vec::new(),
+            exposed: Vec::new(),
             objects,
             next: 0x10,
             refusals: 0,
@@ -271,6 +275,8 @@ impl Body {
             self.event(Instant::now(), PROPERTY_CHANGED, EXPOSURE_INDEX.into());
             self.eos.drift();
         }
+        let last = files.last().map_or(complete, |(_, due)| *due);
+        self.exposed.push(SystemTime::now() + last.saturating_duration_since(Instant::now()));
         Ok(Taken { files, complete })
     }
 
@@ -323,6 +329,14 @@ impl Body {
             _ if is_eos => Eos::answer(self, operation, parameters, data),
             _ => Answer::code(code::NOT_SUPPORTED),
         }
+    }
+
+    /// The contact at the remote socket closes. What comes of it nobody is answered, but the events tell.
+    pub fn press(&mut self) {
+        let _ = match self.setup.personality {
+            Personality::Generic => self.capture(),
+            Personality::Eos => Eos::press(self, eos::FULL_PRESS),
+        };
     }
 
     /// Canon's own state.

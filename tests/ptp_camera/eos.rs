@@ -25,7 +25,7 @@ const TO_COMPUTER_SCREEN: u32 = 2;
 const ISO_100: u32 = 0x48;
 const ISO_800: u32 = 0x60;
 /// The shutter's half press and full press.
-const FULL_PRESS: u32 = 2;
+pub const FULL_PRESS: u32 = 2;
 /// Canon's changes.
 const OBJECT_ADDED: u32 = 0xc181;
 const OBJECT_TRANSFER: u32 = 0xc186;
@@ -172,7 +172,7 @@ impl Eos {
     }
 
     /// The release's button: half-way it says that it is in focus, all the way down it takes a picture.
-    fn press(body: &mut Body, button: u32) -> Answer {
+    pub fn press(body: &mut Body, button: u32) -> Answer {
         let focus = Bytes::new().u32(FOCUS_INFO).raw(b"type=0,select={1},focus={1},size={0,0}\0\0");
         body.eos().change(Instant::now(), PROPERTY_CHANGED, focus);
         if button & FULL_PRESS == 0 {

@@ -88,7 +88,7 @@ impl Worker {
         }
         let mut worker = Self { child: Some(child), requests, incoming, last_words, _home: home };
         match worker.answer("start", deadline)? {
-            (Reply::Ready, _) => Ok(worker),
+            (Reply::Started, _) => Ok(worker),
             (other, _) => Err(unexpected(&other)),
         }
     }
@@ -125,7 +125,7 @@ impl Worker {
                 Err(RecvTimeoutError::Timeout) => {
                     self.kill();
                     let cause = format!(
-                        "the camera did not {what} within {} s: its process was killed{}",
+                        "the camera did not {what} within {:.1} s: its process was killed{}",
                         deadline.as_secs_f64(),
                         self.words()
                     );

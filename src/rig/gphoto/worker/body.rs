@@ -61,9 +61,21 @@ impl Body {
         Ok((body, Reply::Opened { model, serial, port, library }))
     }
 
-    /// Takes a picture and fetches its files.
+    /// Takes a picture and fetches its files; and what is worth a line in the log.
     pub(super) fn capture(&mut self) -> Result<(Vec<NamedFile>, Vec<String>), Failure> {
         let began = Instant::now();
+        let notes = self.ready()?;
+        let released = self.trigger();
+        Ok((self.deliver(released, began, "the camera was released")?, notes))
+    }
+
+    /// The shutter was released from elsewhere: the files of that exposure.
+    pub(super) fn released(&mut self) -> Result<Vec<NamedFile>, Failure> {
+        self.deliver(Ok(()), Instant::now(), "the camera was released by the controller")
+    }
+
+    /// Makes everything as it must be for a picture; what is worth a line in the log.
+    pub(super) fn ready(&mut self) -> Result<Vec<String>, Failure> {
         // A release that nobody waited for has left its events; a camera just opened is not to be bothered.
         let left = if self.untouched { Vec::new() } else { drain(&self.camera, Duration::from_millis(1))? };
         self.untouched = false;
@@ -71,8 +83,18 @@ impl Body {
             left.iter().map(|(_, name)| format!("{name} is of an earlier release and is not used")).collect();
         self.end_live_view(false)?;
         notes.extend(self.prepare()?);
+        Ok(notes)
+    }
+
+    /// The files of an exposure that was begun, or why there are none.
+    fn deliver(
+        &mut self,
+        released: Result<(), Failure>,
+        began: Instant,
+        how: &str,
+    ) -> Result<Vec<NamedFile>, Failure> {
         let until = began + seconds(self.settings.shot_s).mul_f64(WAITING_SHARE);
-        self.delivered = match self.trigger().and_then(|()| self.collect(until)) {
+        self.delivered = match released.and_then(|()| self.collect(until, how)) {
             Ok(files) => files,
             Err(failure) => return Err(self.full().unwrap_or(failure)),
         };
@@ -81,11 +103,11 @@ impl Body {
             let bytes = fetch(&self.camera, &self.context, folder, name)?;
             Ok((name.clone(), bytes))
         });
-        Ok((fetched.collect::<Result<_, Failure>>()?, notes))
+        fetched.collect()
     }
 
     /// The last picture is durable: the camera forgets it.
-    pub(super) fn release(&mut self) {
+    pub(super) fn kept(&mut self) {
         for (folder, name) in std::mem::take(&mut self.delivered) {
             // What was held in its RAM is forgotten by the camera already, and by the library only so.
             if (self.settings.delete || self.settings.target == Target::Ram)
@@ -215,7 +237,7 @@ impl Body {
     ///
     /// How many files an exposure makes shows the first one, for which a rest is waited out. From then on that number
     /// and the camera's word end the wait, and a file that is missing is waited for longer.
-    fn collect(&mut self, end: Instant) -> Result<Vec<(String, String)>, Failure> {
+    fn collect(&mut self, end: Instant, how: &str) -> Result<Vec<(String, String)>, Failure> {
         let rest = seconds(self.settings.quiet_s);
         let (mut files, mut complete, mut last) = (Vec::new(), false, Instant::now());
         loop {
@@ -232,7 +254,7 @@ impl Body {
                     break;
                 }
                 let after = seconds(self.settings.shot_s).mul_f64(WAITING_SHARE).as_secs_f64();
-                let cause = format!("the camera was released and made no file within {after:.1} s");
+                let cause = format!("{how} and made no file within {after:.1} s");
                 return Err(Failure::new(FailureKind::NoPicture, cause));
             }
             let look = LOOK.min(end - now);
