@@ -13,8 +13,9 @@ use gphoto2::{Camera, Context};
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
-/// How long each look for events takes at most.
-const LOOK: Duration = Duration::from_millis(100);
+/// How long each look for events takes at most. The library asks a Canon, then sleeps for 50 ms or up to this, and asks again:
+/// so this is how late a picture may be noticed.
+const LOOK: Duration = Duration::from_millis(10);
 /// Part of the time for a picture after which no file is waited for any more: what remains is for fetching.
 const WAITING_SHARE: f64 = 0.7;
 /// A card with less room than a large picture takes is full.
