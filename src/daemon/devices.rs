@@ -58,6 +58,19 @@ pub(super) fn open(config: &Config) -> Result<Rig, RigError> {
     }
 }
 
+/// Opens the camera alone: nothing turns.
+pub(super) fn open_camera(config: &Config) -> Result<Box<dyn Camera>, RigError> {
+    let kind = match config.rig.kind {
+        RigKind::Simulated => CameraKind::Simulated,
+        RigKind::Hardware => config.rig.camera,
+    };
+    Ok(match kind {
+        CameraKind::Simulated => Box::new(simulated::open(&config.simulated)?.1),
+        CameraKind::Gphoto2 => Box::new(GphotoCamera::open(&config.gphoto2, Launch::this_program())?),
+        CameraKind::V4l2 => Box::new(V4lCamera::open(&config.v4l2)?),
+    })
+}
+
 /// A stage that the simulated camera sees turn.
 struct Seen {
     stage: Box<dyn RotationStage>,

@@ -7,6 +7,8 @@ mod faults;
 #[path = "../kit/mod.rs"]
 mod kit;
 #[cfg(feature = "gphoto2")]
+mod live;
+#[cfg(feature = "gphoto2")]
 mod network;
 #[cfg(feature = "gphoto2")]
 #[path = "../ptp_camera/mod.rs"]

@@ -129,6 +129,8 @@ struct Property {
 pub struct Body {
     setup: Setup,
     take: Box<Pictures>,
+    show: Option<Box<Pictures>>,
+    shown: usize,
     pub off: bool,
     pub releases: usize,
     pub sessions: usize,
@@ -157,6 +159,8 @@ impl Body {
         Self {
             setup,
             take,
+            show: None,
+            shown: 0,
             off: false,
             releases: 0,
             sessions: 0,
@@ -337,6 +341,17 @@ impl Body {
             Personality::Generic => self.capture(),
             Personality::Eos => Eos::press(self, eos::FULL_PRESS),
         };
+    }
+
+    /// What live view shows from now on, by its number.
+    pub fn shows(&mut self, show: Box<Pictures>) {
+        self.show = Some(show);
+    }
+
+    /// What is before the lens, for live view.
+    pub fn look(&mut self) -> Vec<u8> {
+        self.shown += 1;
+        self.show.as_mut().map_or_else(Vec::new, |show| show(self.shown - 1))
     }
 
     /// Canon's own state.

@@ -165,6 +165,14 @@ impl PtpCamera {
             Personality::Eos => "Canon EOS (WLAN)",
         }
     }
+    /// What live view shows: the JPEG of each of its pictures, by its number.
+    pub fn shows(&self, pictures: impl FnMut(usize) -> Vec<u8> + Send + 'static) {
+        self.body().shows(Box::new(pictures));
+    }
+    /// Whether the mirror is up for live view.
+    pub fn live_view(&self) -> bool {
+        self.body().eos().live_view()
+    }
     /// Somebody presses the release at the camera's remote socket.
     pub fn press(&self) {
         self.body().press();

@@ -118,3 +118,16 @@ fn a_release_whose_plug_is_out_is_told_with_what_to_check() {
     rig.capture("real").fails(1, &parts);
     assert!(rig.exposed.lock().unwrap().is_empty());
 }
+
+#[test]
+fn a_release_by_a_controller_that_is_not_there_is_refused() {
+    let lab = Lab::new();
+    for other in
+        ["stage = \"simulated\"\ncamera = \"gphoto2\"", "stage = \"simulated\"\ncamera = \"simulated\""]
+    {
+        let rig = format!("[rig]\nkind = \"hardware\"\nrelease = \"controller\"\n{other}\n");
+        let config = lab.write("bad.toml", rig);
+        lab.run(&["--config", &config, "capture", "a"])
+            .fails(2, &["rig.release is \"controller\"", "set \"camera\""]);
+    }
+}

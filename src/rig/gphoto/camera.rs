@@ -100,8 +100,18 @@ impl GphotoCamera {
         } else {
             Request::Capture
         };
+        self.picture(&request, end)
+    }
+
+    /// A picture of live view.
+    fn show(&mut self) -> Result<Frame, Failure> {
+        self.worker()?;
+        self.picture(&Request::Preview, Instant::now() + seconds(self.settings.shot_s))
+    }
+
+    fn picture(&mut self, request: &Request, end: Instant) -> Result<Frame, Failure> {
         let left = end.saturating_duration_since(Instant::now());
-        match self.worker()?.ask(&request, "deliver a picture", left)? {
+        match self.worker()?.ask(request, "deliver a picture", left)? {
             (Reply::Shot { names, notes }, files) => {
                 warn(&notes);
                 frame(&names, files)
@@ -204,6 +214,10 @@ fn extension(name: &str) -> String {
 impl Camera for GphotoCamera {
     fn capture(&mut self) -> Result<Frame, RigError> {
         self.persist(Self::shot)
+    }
+
+    fn preview(&mut self) -> Result<Frame, RigError> {
+        self.persist(Self::show)
     }
 
     fn kept(&mut self) {

@@ -20,6 +20,8 @@ pub(super) enum Request {
     Ready,
     /// The shutter was released from elsewhere: take what comes of it, as after [`Request::Capture`].
     Collect,
+    /// Show a picture of live view, which begins where it is off. Answered as [`Request::Capture`] is; the next picture ends it.
+    Preview,
     /// The files of the last picture are durable. Not answered: the camera deletes while the stage turns.
     Kept,
 }

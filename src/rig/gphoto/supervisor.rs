@@ -125,8 +125,8 @@ impl Worker {
                 Err(RecvTimeoutError::Timeout) => {
                     self.kill();
                     let cause = format!(
-                        "the camera did not {what} within {:.1} s: its process was killed{}",
-                        deadline.as_secs_f64(),
+                        "the camera did not {what} within {} s: its process was killed{}",
+                        (deadline.as_secs_f64() * 100.0).round() / 100.0,
                         self.words()
                     );
                     return Err(Failure::new(FailureKind::Transport, cause));

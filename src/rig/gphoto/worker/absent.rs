@@ -21,6 +21,12 @@ impl Body {
     pub(super) fn released(&mut self) -> Result<Vec<NamedFile>, Failure> {
         match *self {}
     }
+    pub(super) fn preview(&mut self) -> Result<(Vec<NamedFile>, Vec<String>), Failure> {
+        match *self {}
+    }
+    pub(super) fn leave(&self) {
+        match *self {}
+    }
     pub(super) fn kept(&mut self) {
         match *self {}
     }

@@ -107,6 +107,28 @@ impl Body {
         fetched.collect()
     }
 
+    /// A picture of live view, and nothing to be said of it. Live view stays on until a picture is taken.
+    pub(super) fn preview(&mut self) -> Result<(Vec<NamedFile>, Vec<String>), Failure> {
+        self.untouched = false;
+        let failed = |e| failure("show live view", &e);
+        let shown = self.camera.capture_preview().wait().map_err(|e| match e.kind() {
+            gphoto2::error::ErrorKind::NotSupported => Failure::new(
+                FailureKind::Unsupported,
+                "this camera has no live view that the library can show",
+            ),
+            _ => failed(e),
+        })?;
+        let bytes = Vec::from(shown.get_data(&self.context).wait().map_err(failed)?);
+        Ok((vec![("preview.jpg".to_owned(), bytes)], Vec::new()))
+    }
+
+    /// Live view that was shown is ended: the mirror comes down.
+    pub(super) fn leave(&self) {
+        if let Err(failure) = self.end_live_view(false) {
+            eprintln!("live view stays on: {}", failure.cause);
+        }
+    }
+
     /// The last picture is durable: the camera forgets it.
     pub(super) fn kept(&mut self) {
         for (folder, name) in std::mem::take(&mut self.delivered) {

@@ -72,12 +72,16 @@ fn serve() -> std::io::Result<()> {
                 let files = open(&mut body).and_then(Body::released);
                 deliver(&mut replies, files.map(|files| (files, Vec::new())))?;
             }
+            Request::Preview => deliver(&mut replies, open(&mut body).and_then(Body::preview))?,
             Request::Kept => {
                 if let Some(body) = &mut body {
                     body.kept();
                 }
             }
         }
+    }
+    if let Some(body) = &body {
+        body.leave();
     }
     Ok(())
 }
