@@ -134,13 +134,12 @@ fn noise_on_the_line_costs_time_and_no_step() {
             let began = board.time();
             match stage.move_to(deg(target as f64 * 0.1125)) {
                 Ok(reached) => break reached,
-                // On a busy computer the chip may have had hardly any time of its own to answer in.
+                // On a busy computer the chip may have had hardly any time of its own to answer or to move in.
                 Err(e) => {
-                    let had = board.time() - began;
-                    assert!(
-                        e.to_string().contains("no whole answer") && had < patience,
-                        "move {k}: {e} ({had:?})"
-                    );
+                    let (had, told) = (board.time() - began, e.to_string());
+                    let late =
+                        ["no whole answer", "did not end within"].iter().any(|part| told.contains(part));
+                    assert!(late && had < patience, "move {k}: {e} ({had:?})");
                     given_up += 1;
                 }
             }
