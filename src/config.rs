@@ -50,6 +50,8 @@ pub struct RigSettings {
     pub stage: StageKind,
     /// What photographs it, of a hardware rig.
     pub camera: CameraKind,
+    /// What releases the shutter of a DSLR.
+    pub release: Release,
 }
 
 /// The kinds of rig.
@@ -87,6 +89,17 @@ pub enum CameraKind {
     Gphoto2,
     /// A video camera, set in `[v4l2]`.
     V4l2,
+}
+
+/// What releases a DSLR's shutter.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Release {
+    /// The camera itself, asked over its own cable.
+    #[default]
+    Camera,
+    /// The controller's output at the camera's remote socket; the pictures come over the camera's own cable all the same.
+    Controller,
 }
 
 /// The web service.
@@ -168,6 +181,15 @@ impl Config {
             StageKind::Controller => self.controller.check().map_err(ConfigError::Value)?,
             StageKind::Grbl => self.grbl.check().map_err(ConfigError::Value)?,
             StageKind::Simulated => self.simulated.check().map_err(|e| ConfigError::Value(e.to_string()))?,
+        }
+        let rig = &self.rig;
+        if rig.release == Release::Controller
+            && (rig.stage, rig.camera) != (StageKind::Controller, CameraKind::Gphoto2)
+        {
+            return Err(ConfigError::Value(
+                "rig.release is \"controller\", which needs stage = \"controller\" and camera = \"gphoto2\"; set \"camera\""
+                    .into(),
+            ));
         }
         match self.rig.camera {
             CameraKind::Simulated => self.simulated.check(),

@@ -135,3 +135,12 @@ Examples:
 
 Reads everything, changes nothing. Each file that is missing, changed or unknown is named with what to
 do; exit code 1 where there is one.";
+
+pub(super) const FOCUS: &str = "\
+Examples:
+  grainrig focus --config rig.toml                        a line a picture, until Ctrl-C
+  grainrig focus --config rig.toml --save focus.jpg       and the newest picture in a file, for a viewer
+  grainrig focus --config rig.toml --pictures 1 --json
+
+Turn the lens until the sharpness is greatest. Where a grain is found, the blur of its outline (the standard deviation,
+pixels of the picture shown) says how good that is. No picture is kept on the camera, and the stage does not move.";

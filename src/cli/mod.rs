@@ -5,6 +5,7 @@ mod capture;
 mod compress;
 mod devices;
 mod doctor;
+mod focus;
 mod help;
 mod import;
 mod local_compressions;
@@ -128,6 +129,9 @@ enum Command {
     /// Look at everything that a run needs, and say what to do about what is wrong. The stage makes a step and comes back, the
     /// camera takes a picture, which is not kept.
     Doctor,
+    /// Show what is before the camera, and how sharp it is, to focus by: live view of a DSLR, frames of a video camera.
+    #[command(after_help = help::FOCUS)]
+    Focus(focus::Arguments),
     /// The process in which a DSLR is driven; started by this program.
     #[command(hide = true)]
     CameraWorker,
@@ -179,6 +183,8 @@ pub fn run() -> ExitCode {
             | Command::Calibrate(_)
             | Command::Study(_)
             | Command::Devices
+            | Command::Doctor
+            | Command::Focus(_)
     ) {
         common.without_config();
     }
@@ -197,6 +203,7 @@ pub fn run() -> ExitCode {
         Command::Study(a) => study::run(common, &a),
         Command::Devices => devices::run(common),
         Command::Doctor => doctor::run(common),
+        Command::Focus(a) => focus::run(common, &a),
         Command::CameraWorker => Ok(()),
     };
     match outcome {

@@ -1,6 +1,6 @@
 //! The rig of a configuration, opened; and what is there to be opened.
 
-use crate::config::{CameraKind, Config, RigKind, StageKind};
+use crate::config::{CameraKind, Config, Release, RigKind, StageKind};
 use crate::geometry::Angle;
 use crate::rig::discovery::{Role, discover};
 use crate::rig::gphoto::{GphotoCamera, Launch};
@@ -26,8 +26,13 @@ pub(super) fn open(config: &Config) -> Result<Rig, RigError> {
             Ok(Rig { stage: Box::new(stage), camera: Box::new(camera), truth: Some(truth) })
         }
         RigKind::Hardware => {
+            let mut shutter = None;
             let stage: Box<dyn RotationStage> = match config.rig.stage {
-                StageKind::Controller => Box::new(controller::open(&config.controller)?),
+                StageKind::Controller => {
+                    let stage = controller::open(&config.controller)?;
+                    shutter = (config.rig.release == Release::Controller).then(|| stage.shutter());
+                    Box::new(stage)
+                }
                 StageKind::Grbl => Box::new(grbl::open(&config.grbl)?),
                 StageKind::Simulated => Box::new(simulated::open(&config.simulated)?.0),
             };
@@ -38,8 +43,11 @@ pub(super) fn open(config: &Config) -> Result<Rig, RigError> {
                     Ok(Rig { stage: Box::new(stage), camera: Box::new(camera), truth: Some(truth) })
                 }
                 CameraKind::Gphoto2 => {
-                    let camera = Box::new(GphotoCamera::open(&config.gphoto2, Launch::this_program())?);
-                    Ok(Rig { stage, camera, truth: None })
+                    let mut camera = GphotoCamera::open(&config.gphoto2, Launch::this_program())?;
+                    if let Some(shutter) = shutter {
+                        camera = camera.released_by(shutter);
+                    }
+                    Ok(Rig { stage, camera: Box::new(camera), truth: None })
                 }
                 CameraKind::V4l2 => {
                     let camera = Box::new(V4lCamera::open(&config.v4l2)?);
@@ -48,6 +56,19 @@ pub(super) fn open(config: &Config) -> Result<Rig, RigError> {
             }
         }
     }
+}
+
+/// Opens the camera alone: nothing turns.
+pub(super) fn open_camera(config: &Config) -> Result<Box<dyn Camera>, RigError> {
+    let kind = match config.rig.kind {
+        RigKind::Simulated => CameraKind::Simulated,
+        RigKind::Hardware => config.rig.camera,
+    };
+    Ok(match kind {
+        CameraKind::Simulated => Box::new(simulated::open(&config.simulated)?.1),
+        CameraKind::Gphoto2 => Box::new(GphotoCamera::open(&config.gphoto2, Launch::this_program())?),
+        CameraKind::V4l2 => Box::new(V4lCamera::open(&config.v4l2)?),
+    })
 }
 
 /// A stage that the simulated camera sees turn.

@@ -4,6 +4,7 @@ mod compressing;
 mod devices;
 mod doctor;
 mod finish;
+mod focus;
 mod host;
 mod importing;
 mod live;
@@ -21,6 +22,7 @@ pub use compressing::{
 pub use devices::{DeviceLine, devices};
 pub use doctor::{Finding, Health, doctor};
 pub use finish::{Finished, RESULT};
+pub use focus::{Focused, focus};
 pub use host::{Host, HostError};
 pub use importing::{ImportGeometry, import};
 pub use live::{Resumed, capture, resume};

@@ -40,10 +40,27 @@ pub trait Camera: Send {
     /// # Errors
     /// [`RigError`] where the camera does not deliver a whole picture.
     fn capture(&mut self) -> Result<Frame, RigError>;
+    /// Shows what is before it, to focus by: as quickly as it can, as small as it likes. Leaves nothing behind, and the next
+    /// picture may come at once.
+    ///
+    /// # Errors
+    /// [`RigError`] where the camera does not deliver a whole picture, or can't show one without taking it.
+    fn preview(&mut self) -> Result<Frame, RigError> {
+        self.capture()
+    }
     /// The picture that was delivered last is durable: the camera need not keep it any longer.
     fn kept(&mut self) {}
     /// One line that names the device for the session's record.
     fn describe(&self) -> String;
+}
+
+/// Closes the contacts of a camera's remote release.
+pub trait Shutter: Send {
+    /// Releases the shutter once; returns when it has been released, not when the picture is taken.
+    ///
+    /// # Errors
+    /// [`RigError`] where nobody knows whether it was released.
+    fn release(&mut self) -> Result<(), RigError>;
 }
 
 /// One photograph as the camera delivered it: never re-encoded.

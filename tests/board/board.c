@@ -1,9 +1,11 @@
 /* The controller's board, simulated: the real firmware on simavr, its serial line as a pseudo terminal, a stepper that counts the
  * edges on its pins, a reference switch and a camera release. A test program of its own: simavr's licence is the GPL.
  *
- *
- * Says `PTY path` first. Takes commands on stdin, a line each, and answers each with a line on stdout:
+ * Says `PTY path` first, and `SHUTTER position` whenever the shutter's contact closes. Takes commands on stdin, a line each,
+ * and answers each with a line on stdout:
  *   state           what the pins did: position, steps, steps without current, the shutter's pulses, the steps' timing
+ *   position        where the motor is, microsteps
+ *   time            how long the chip has run, µs of its own
  *   reset           the chip starts anew, as after a brown-out; its EEPROM stays
  *   switch stuck|open|normal
  *   noise P SEED    each byte either way is flipped or dropped with probability P
@@ -120,7 +122,11 @@ static double ms_since(avr_cycle_count_t from) { return (double)(avr->cycle - fr
 
 static void on_shutter(avr_irq_t *irq, uint32_t value, void *data) {
     (void)irq, (void)data;
-    if (value && !shutter_up) shutter_up = avr->cycle;
+    if (value && !shutter_up) {
+        shutter_up = avr->cycle;
+        printf("SHUTTER %ld\n", position);
+        fflush(stdout);
+    }
     if (!value && shutter_up) {
         shots++;
         shutter_ms = ms_since(shutter_up);
@@ -162,6 +168,8 @@ static bool command(const char *text) {
     double p;
     unsigned long long s;
     if (!strcmp(text, "state")) return state(), true;
+    if (!strcmp(text, "position")) return printf("%ld\n", position), true;
+    if (!strcmp(text, "time")) return printf("%llu\n", (unsigned long long)(avr->cycle * 1000000 / avr->frequency)), true;
     if (!strcmp(text, "quit")) exit(0);
     if (!strcmp(text, "timing")) intervals = 0, last_step = 0;
     else if (!strcmp(text, "reset")) restart();

@@ -1,8 +1,8 @@
 //! A camera that fails delivers its picture all the same, or says what is to be done; it never hangs.
 
 use crate::bench::scene;
-use crate::network::{Network, WAYS, speaks_ptpip};
-use crate::ptp_camera::{Fault, Personality, Setup};
+use crate::network::{Network, WAYS};
+use crate::ptp_camera::{Fault, Personality, Setup, speaks_ptpip};
 use grainrig::rig::gphoto::Target;
 use grainrig::rig::{Camera as _, RigError};
 use std::time::{Duration, Instant};

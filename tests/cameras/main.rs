@@ -7,6 +7,8 @@ mod faults;
 #[path = "../kit/mod.rs"]
 mod kit;
 #[cfg(feature = "gphoto2")]
+mod live;
+#[cfg(feature = "gphoto2")]
 mod network;
 #[cfg(feature = "gphoto2")]
 #[path = "../ptp_camera/mod.rs"]
@@ -15,3 +17,6 @@ mod ptp_camera;
 mod runs;
 #[cfg(feature = "v4l")]
 mod video;
+#[cfg(feature = "v4l")]
+#[path = "../video_camera/mod.rs"]
+mod video_camera;

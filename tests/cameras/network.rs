@@ -3,37 +3,12 @@
 use crate::bench::{Bench, SCENES};
 use crate::conformance::conforms;
 use crate::kit::pictures;
-use crate::ptp_camera::{Personality, PtpCamera, Setup};
+use crate::ptp_camera::{Personality, PtpCamera, Setup, speaks_ptpip};
 use grainrig::rig::RigError;
 use grainrig::rig::gphoto::{GphotoCamera, Launch, Settings, Target};
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-
-/// Whether the library can talk to a camera on the network: Debian keeps that in a file of its own.
-pub fn speaks_ptpip() -> bool {
-    let there = ["/usr/lib", "/usr/local/lib"].iter().any(|root| has_port(Path::new(root), 3));
-    if !there {
-        println!("skipped: libgphoto2 has no port `ptpip` here; install libgphoto2-port12");
-    }
-    there
-}
-
-fn has_port(folder: &Path, depth: usize) -> bool {
-    let Ok(entries) = std::fs::read_dir(folder) else { return false };
-    entries.flatten().any(|e| {
-        let name = e.file_name();
-        let name = name.to_string_lossy();
-        name == "ptpip.so"
-            || depth > 0
-                && (name.contains("linux")
-                    || name.contains("gphoto")
-                    || name.starts_with('0')
-                    || name.starts_with("2."))
-                && has_port(&e.path(), depth - 1)
-    })
-}
 
 /// A camera on the network, what it looks at, and how it is opened.
 pub struct Network {

@@ -2,8 +2,7 @@
 //! complete, with what a run without faults gives, or says what is to be done; nothing captured is lost.
 
 use crate::kit::{Lab, Ran, VIEWS, pictures};
-use crate::network::speaks_ptpip;
-use crate::ptp_camera::{Fault, Personality, PtpCamera, Setup};
+use crate::ptp_camera::{Fault, Personality, PtpCamera, Setup, speaks_ptpip};
 use grainrig::session::event::Happening;
 use grainrig::session::{Recording, State};
 use std::path::{Path, PathBuf};

@@ -1,44 +1,18 @@
-//! The real v4l crate before a device in user space, which `tests/video_camera/video_camera.c` is.
+//! The real v4l crate before a device in user space, which `tests/video_camera` is.
 //!
 //! The device comes into a process when that process starts, so each test runs itself again with it.
 
 use crate::bench::{Bench, SCENES, scene};
 use crate::conformance::conforms;
 use crate::kit::{Lab, VIEWS, pictures};
+use crate::video_camera::{DEVICE, FOLDER, library, yuyv};
 use grainrig::rig::v4l::{PixelFormat, Settings, V4lCamera};
 use grainrig::rig::{Camera as _, Encoding, RigError};
 use grainrig::session::State;
 use grainrig::session::event::Happening;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
-use std::sync::OnceLock;
-
-const DEVICE: &str = "GRAINRIG_VIDEO";
-const FOLDER: &str = "GRAINRIG_VIDEO_DIR";
-
-/// The device, compiled; `None` without a compiler of C.
-fn library() -> Option<&'static Path> {
-    static MADE: OnceLock<Option<(tempfile::TempDir, PathBuf)>> = OnceLock::new();
-    let made = MADE.get_or_init(|| {
-        let dir = tempfile::tempdir().unwrap();
-        let library = dir.path().join("video_camera.so");
-        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/video_camera/video_camera.c");
-        let mut compiler = Command::new("cc");
-        compiler.args(["-shared", "-fPIC", "-O2", "-pthread", "-o"]).arg(&library).arg(source).arg("-ldl");
-        match compiler.output() {
-            Ok(done) => {
-                assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-                Some((dir, library))
-            }
-            Err(e) => {
-                println!("skipped: no C compiler `cc` ({e}); install gcc");
-                None
-            }
-        }
-    });
-    made.as_ref().map(|(_, library)| library.as_path())
-}
 
 /// Whether the device is in this process. Where it is not, runs the named test again in one that has it.
 fn inside(test: &str) -> bool {
@@ -68,13 +42,6 @@ fn put(name: &str, bytes: &[u8]) {
 
 fn fault(word: &str) {
     put("fault", word.as_bytes());
-}
-
-/// A scene as brightness and colour.
-fn yuyv(n: usize) -> Vec<u8> {
-    let picture = image::load_from_memory(&pictures()[n]).unwrap().to_luma8();
-    let level = |v: &u8| (16.0 + f32::from(*v) * 219.0 / 255.0).round() as u8;
-    picture.as_raw().iter().flat_map(|v| [level(v), 128]).collect()
 }
 
 fn settings(format: PixelFormat) -> Settings {
@@ -116,10 +83,10 @@ fn a_video_camera_conforms_and_never_delivers_what_was_before_it_earlier() {
     put("frame", &pictures()[0]);
     let camera = Box::new(open(&settings(PixelFormat::Mjpeg)));
     conforms("mjpeg", Bench { camera, set: Box::new(|n| put("frame", &pictures()[n])) });
-    put("frame", &yuyv(0));
+    put("frame", &yuyv(&pictures()[0]));
     let camera = Box::new(V4lCamera::open(&settings(PixelFormat::Yuyv)).unwrap());
     assert!(camera.describe().contains("yuyv as PNG"), "{}", camera.describe());
-    conforms("yuyv", Bench { camera, set: Box::new(|n| put("frame", &yuyv(n))) });
+    conforms("yuyv", Bench { camera, set: Box::new(|n| put("frame", &yuyv(&pictures()[n]))) });
 }
 
 #[test]

@@ -1,11 +1,11 @@
 //! The camera's body: what it holds, how its shutter works, and the operations that every PTP camera has.
 
-use super::eos::Eos;
+use super::eos::{self, Eos};
 use super::wire::{Bytes, u16_at, u32_at};
-use super::{Fault, Personality, Pictures, Setup};
+use super::{Fault, Personality, Pictures, Served, Setup};
 use std::collections::BTreeMap;
 use std::sync::mpsc::Sender;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 /// Response codes (PTP, ISO 15740, clause 11.3).
 pub mod code {
@@ -129,9 +129,13 @@ struct Property {
 pub struct Body {
     setup: Setup,
     take: Box<Pictures>,
+    show: Option<Box<Pictures>>,
+    shown: usize,
     pub off: bool,
     pub releases: usize,
     pub sessions: usize,
+    pub served: Vec<Served>,
+    pub exposed: Vec<SystemTime>,
     pub objects: BTreeMap<u32, Object>,
     next: u32,
     refusals: usize,
@@ -155,9 +159,13 @@ impl Body {
         Self {
             setup,
             take,
+            show: None,
+            shown: 0,
             off: false,
             releases: 0,
             sessions: 0,
+            served: Vec::new(),
+            exposed: Vec::new(),
             objects,
             next: 0x10,
             refusals: 0,
@@ -271,6 +279,8 @@ impl Body {
             self.event(Instant::now(), PROPERTY_CHANGED, EXPOSURE_INDEX.into());
             self.eos.drift();
         }
+        let last = files.last().map_or(complete, |(_, due)| *due);
+        self.exposed.push(SystemTime::now() + last.saturating_duration_since(Instant::now()));
         Ok(Taken { files, complete })
     }
 
@@ -323,6 +333,25 @@ impl Body {
             _ if is_eos => Eos::answer(self, operation, parameters, data),
             _ => Answer::code(code::NOT_SUPPORTED),
         }
+    }
+
+    /// The contact at the remote socket closes. What comes of it nobody is answered, but the events tell.
+    pub fn press(&mut self) {
+        let _ = match self.setup.personality {
+            Personality::Generic => self.capture(),
+            Personality::Eos => Eos::press(self, eos::FULL_PRESS),
+        };
+    }
+
+    /// What live view shows from now on, by its number.
+    pub fn shows(&mut self, show: Box<Pictures>) {
+        self.show = Some(show);
+    }
+
+    /// What is before the lens, for live view.
+    pub fn look(&mut self) -> Vec<u8> {
+        self.shown += 1;
+        self.show.as_mut().map_or_else(Vec::new, |show| show(self.shown - 1))
     }
 
     /// Canon's own state.

@@ -25,13 +25,18 @@ const TO_COMPUTER_SCREEN: u32 = 2;
 const ISO_100: u32 = 0x48;
 const ISO_800: u32 = 0x60;
 /// The shutter's half press and full press.
-const FULL_PRESS: u32 = 2;
+pub const FULL_PRESS: u32 = 2;
 /// Canon's changes.
 const OBJECT_ADDED: u32 = 0xc181;
 const OBJECT_TRANSFER: u32 = 0xc186;
 const PROPERTY_CHANGED: u32 = 0xc189;
 const CHOICES_CHANGED: u32 = 0xc18a;
 const STATUS_CHANGED: u32 = 0xc18b;
+
+/// Live view has no picture yet.
+const NOT_READY: u16 = 0xa102;
+/// So often live view has none at its beginning.
+const DARK: usize = 2;
 
 /// How long a value that was set takes to show.
 const SHOWS_AFTER: Duration = Duration::from_millis(80);
@@ -53,6 +58,8 @@ struct Change {
 pub struct Eos {
     properties: BTreeMap<u32, Property>,
     changes: Vec<Change>,
+    /// Pictures of live view asked for since it began.
+    shown: usize,
 }
 
 impl Eos {
@@ -70,7 +77,7 @@ impl Eos {
             (DESTINATION, property(2, &[2, TO_COMPUTER])),
             (VIEWFINDER_OUTPUT, property(if live_view { TO_COMPUTER_SCREEN } else { 0 }, &[0, 1, 2])),
         ];
-        Self { properties: properties.into(), changes: Vec::new() }
+        Self { properties: properties.into(), changes: Vec::new(), shown: 0 }
     }
 
     pub const OPERATIONS: &'static [u16] = &[
@@ -150,13 +157,33 @@ impl Eos {
             0x9127 if !body.eos().properties.contains_key(&first) => Answer::code(code::GENERAL_ERROR),
             0x9128 => Self::press(body, first),
             0x9152 => {
+                body.eos().shown = 0;
                 body.eos().set(VIEWFINDER_OUTPUT, 0, SHOWS_AFTER);
                 Answer::ok()
             }
-            0x9153 => Answer::code(code::BUSY),
+            0x9153 => Self::present(body),
             known if Self::OPERATIONS.contains(&known) => Answer::ok(),
             _ => Answer::code(code::NOT_SUPPORTED),
         }
+    }
+
+    /// Whether the mirror is up.
+    pub fn live_view(&self) -> bool {
+        self.properties[&VIEWFINDER_OUTPUT].value != 0
+    }
+
+    /// A picture of live view: blocks of a length, a kind (1 is the JPEG) and what they hold.
+    fn present(body: &mut Body) -> Answer {
+        if body.eos().properties[&VIEWFINDER_OUTPUT].value & TO_COMPUTER_SCREEN == 0 {
+            return Answer::code(code::BUSY);
+        }
+        body.eos().shown += 1;
+        if body.eos().shown <= DARK {
+            return Answer::code(NOT_READY);
+        }
+        let picture = body.look();
+        let zoom = Bytes::new().u32(12).u32(4).u32(1);
+        Answer::data(zoom.u32(picture.len() as u32 + 8).u32(1).raw(&picture))
     }
 
     fn set_value(&mut self, data: &[u8]) -> Answer {
@@ -172,7 +199,7 @@ impl Eos {
     }
 
     /// The release's button: half-way it says that it is in focus, all the way down it takes a picture.
-    fn press(body: &mut Body, button: u32) -> Answer {
+    pub fn press(body: &mut Body, button: u32) -> Answer {
         let focus = Bytes::new().u32(FOCUS_INFO).raw(b"type=0,select={1},focus={1},size={0,0}\0\0");
         body.eos().change(Instant::now(), PROPERTY_CHANGED, focus);
         if button & FULL_PRESS == 0 {

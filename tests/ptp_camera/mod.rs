@@ -18,8 +18,33 @@ mod wire;
 
 use body::Body;
 use std::net::TcpListener;
+use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard};
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
+
+/// Whether the library can talk to a camera on the network: Debian keeps that in a file of its own.
+pub fn speaks_ptpip() -> bool {
+    let there = ["/usr/lib", "/usr/local/lib"].iter().any(|root| has_port(Path::new(root), 3));
+    if !there {
+        println!("skipped: libgphoto2 has no port `ptpip` here; install libgphoto2-port12");
+    }
+    there
+}
+
+fn has_port(folder: &Path, depth: usize) -> bool {
+    let Ok(entries) = std::fs::read_dir(folder) else { return false };
+    entries.flatten().any(|e| {
+        let name = e.file_name();
+        let name = name.to_string_lossy();
+        name == "ptpip.so"
+            || depth > 0
+                && (name.contains("linux")
+                    || name.contains("gphoto")
+                    || name.starts_with('0')
+                    || name.starts_with("2."))
+                && has_port(&e.path(), depth - 1)
+    })
+}
 
 /// How the camera behaves when nothing is wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -96,6 +121,14 @@ impl Setup {
     }
 }
 
+/// An operation that was answered, and when.
+#[derive(Debug, Clone, Copy)]
+pub struct Served {
+    pub operation: u16,
+    pub began: SystemTime,
+    pub ended: SystemTime,
+}
+
 /// A camera that runs until it is dropped.
 pub struct PtpCamera {
     body: Arc<Mutex<Body>>,
@@ -132,6 +165,18 @@ impl PtpCamera {
             Personality::Eos => "Canon EOS (WLAN)",
         }
     }
+    /// What live view shows: the JPEG of each of its pictures, by its number.
+    pub fn shows(&self, pictures: impl FnMut(usize) -> Vec<u8> + Send + 'static) {
+        self.body().shows(Box::new(pictures));
+    }
+    /// Whether the mirror is up for live view.
+    pub fn live_view(&self) -> bool {
+        self.body().eos().live_view()
+    }
+    /// Somebody presses the release at the camera's remote socket.
+    pub fn press(&self) {
+        self.body().press();
+    }
     /// Releases that were asked for, spoilt ones too.
     pub fn releases(&self) -> usize {
         self.body().releases
@@ -147,6 +192,14 @@ impl PtpCamera {
     /// Somebody has mended whatever was wrong.
     pub fn mend(&self) {
         self.body().mend();
+    }
+    /// Every operation that was answered, in order.
+    pub fn served(&self) -> Vec<Served> {
+        self.body().served.clone()
+    }
+    /// When the files of each exposure were there, in order.
+    pub fn exposed(&self) -> Vec<SystemTime> {
+        self.body().exposed.clone()
     }
     /// Command connections so far.
     pub fn sessions(&self) -> usize {

@@ -1,12 +1,13 @@
 //! Connections: one for commands, one for events, each on a thread of its own.
 
+use super::Served;
 use super::body::{Answer, Body, Reply};
 use super::wire::{Bytes, packet, receive, send, u16_at, u32_at};
 use std::io::{Error, ErrorKind, Read as _, Result};
 use std::net::{TcpListener, TcpStream};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 /// Bytes of one data packet.
 const CHUNK: usize = 1 << 16;
@@ -80,9 +81,14 @@ fn commands(mut stream: TcpStream, body: &Mutex<Body>) -> Result<()> {
                 let parameters: Vec<u32> =
                     (10..request.len()).step_by(4).map(|at| u32_at(&request, at)).collect();
                 let data = if u32_at(&request, 0) == 2 { sent_data(&mut stream)? } else { Vec::new() };
+                let began = SystemTime::now();
                 let answer = body.lock().unwrap().answer(operation, &parameters, &data);
                 match answer {
-                    Answer::Reply(reply) => respond(&mut stream, transaction, &reply)?,
+                    Answer::Reply(reply) => {
+                        respond(&mut stream, transaction, &reply)?;
+                        let served = Served { operation, began, ended: SystemTime::now() };
+                        body.lock().unwrap().served.push(served);
+                    }
                     // Until the other side loses its patience and hangs up.
                     Answer::Silence => return stream.read(&mut [0]).map(|_| ()),
                     Answer::HangUp => return Err(Error::from(ErrorKind::BrokenPipe)),

@@ -1,6 +1,7 @@
 //! The stage on a serial line: the real driver against the real firmware on a simulated chip. Wherever an angle is asserted, it is
 //! the one that the pins reached.
 
+#[path = "../board/mod.rs"]
 mod board;
 mod conformance;
 mod grbl;
@@ -12,7 +13,8 @@ mod run;
 use board::Board;
 use grainrig::geometry::Angle;
 use grainrig::rig::controller::{ControllerStage, Reference, Settings, open};
-use grainrig::rig::{RigError, RotationStage};
+use grainrig::rig::{RigError, RotationStage, Shutter as _};
+use std::time::Duration;
 
 /// Numbers that follow from a seed (splitmix64).
 struct Draw(u64);
@@ -118,22 +120,67 @@ fn noise_on_the_line_costs_time_and_no_step() {
         speed_deg_per_s: 800.0,
         ..settings(&board)
     };
+    let patience = Duration::from_millis(quick.reply_ms) * quick.tries;
     let mut stage = open(&quick).unwrap();
     stage.home().unwrap();
     board.tell("noise 0.01 7");
     let mut draw = Draw(11);
+    let mut given_up = 0;
     for k in 0..moves {
         let target = (draw.next() % 3200) as i64;
         // Mostly short ways: it is the talking that is tried.
         let target = if k % 20 == 0 { target } else { (board.position() + target % 65 - 32).clamp(0, 3200) };
-        let reached = stage.move_to(deg(target as f64 * 0.1125)).unwrap();
+        let reached = loop {
+            let began = board.time();
+            match stage.move_to(deg(target as f64 * 0.1125)) {
+                Ok(reached) => break reached,
+                // On a busy computer the chip may have had hardly any time of its own to answer or to move in.
+                Err(e) => {
+                    let (had, told) = (board.time().saturating_sub(began), e.to_string());
+                    let late =
+                        ["no whole answer", "did not end within"].iter().any(|part| told.contains(part));
+                    assert!(late && had < patience, "move {k}: {e} ({had:?})");
+                    given_up += 1;
+                }
+            }
+        };
         assert!((reached.deg() / 0.1125 - target as f64).abs() < 1e-6);
         assert_eq!(board.position(), target, "move {k}");
     }
     let state = board.state();
-    println!("{moves} moves; bytes flipped {}, dropped {}", state["flipped"], state["dropped"]);
+    println!(
+        "{moves} moves; bytes flipped {}, dropped {}; {given_up} times the chip had no time to answer",
+        state["flipped"], state["dropped"]
+    );
     assert!(state["flipped"].as_u64().unwrap() + state["dropped"].as_u64().unwrap() > moves as u64 / 10);
     assert_eq!(state["idle_steps"], 0);
+}
+
+#[test]
+fn a_shot_is_taken_once_however_often_it_has_to_be_asked_for() {
+    let Some(mut board) = Board::start(0, -40) else { return };
+    let contact = board.shutter();
+    let quick = Settings { reply_ms: 15, tries: 100, focus_ms: 1, shutter_ms: 2, ..settings(&board) };
+    let stage = open(&quick).unwrap();
+    let mut shutter = stage.shutter();
+    board.tell("noise 0.02 5");
+    for _ in 0..60 {
+        // The one before may still be at work.
+        shutter.release().unwrap();
+        assert_eq!(contact.recv(), Ok(0));
+    }
+    let state = board.state();
+    assert!(state["flipped"].as_u64().unwrap() + state["dropped"].as_u64().unwrap() > 20, "{state}");
+    // The stage can be let go while the release is still there, which then says so.
+    drop(stage);
+    assert!(shutter.release().unwrap_err().to_string().contains("has ended"));
+    assert_eq!(contact.try_recv().ok(), None);
+    assert_eq!(board.state()["steps"], 0);
+    // Another program's shots are none of these.
+    board.tell("noise 0 5");
+    let again = open(&quick).unwrap();
+    again.shutter().release().unwrap();
+    assert_eq!(contact.recv(), Ok(0));
 }
 
 /// A run, in the midst of which the board starts anew.
@@ -168,12 +215,12 @@ fn a_board_that_starts_anew_is_homed_again_where_that_is_possible() {
 #[test]
 fn a_silent_board_is_an_error_in_time() {
     let Some(mut board) = Board::start(0, -40) else { return };
-    let brief = Settings { reply_ms: 20, tries: 3, ..settings(&board) };
+    let brief = Settings { reply_ms: 250, tries: 3, ..settings(&board) };
     let mut stage: ControllerStage = open(&brief).unwrap();
     stage.home().unwrap();
     board.tell("mute on");
     let told = stage.move_to(deg(7.2)).unwrap_err().to_string();
-    assert!(told.contains("no whole answer to 3 requests, 20 ms each; check cable and power"), "{told}");
+    assert!(told.contains("no whole answer to 3 requests, 250 ms each; check cable and power"), "{told}");
     board.tell("mute off");
     stage.move_to(deg(7.2)).unwrap();
     assert_eq!(board.position(), 64);

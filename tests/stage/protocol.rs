@@ -7,6 +7,7 @@ use grainrig::rig::controller::{Reader, Said, Settings, open, request};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 use std::fs::File;
 use std::io::{Read as _, Write as _};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 /// The board's line without a driver.
@@ -131,16 +132,30 @@ fn garbage_overlong_lines_and_half_frames_never_move_the_motor() {
     assert_eq!(board.state()["steps"], 0);
 }
 
-/// Both sides' readers see the same frames in any bytes.
+/// Frames of one round, damaged or not.
+const FRAMES: usize = 60_000;
+/// Most rounds that can be asked for: about two days.
+const MOST_ROUNDS: u64 = 500_000;
+
+/// Both sides' readers see the same frames in any bytes. `GRAINRIG_FUZZ_ROUNDS=1000 cargo test --release --test stage agree`
+/// tries a thousand times as many.
 #[test]
 fn the_firmwares_reader_and_the_drivers_agree_on_any_bytes() {
     let reader = match frame_reader() {
         Ok(reader) => reader,
         Err(why) => return println!("skipped: {why}"),
     };
-    let mut draw = Draw(3);
+    let rounds = std::env::var("GRAINRIG_FUZZ_ROUNDS").map_or(1, |n| n.parse().unwrap());
+    assert!(rounds <= MOST_ROUNDS, "{rounds} rounds are asked for, {MOST_ROUNDS} are the most");
+    let frames: usize = (0..rounds).map(|round| agree(&reader, 3 + round)).sum();
+    println!("{rounds} rounds, {frames} frames and damaged ones found alike");
+}
+
+/// One round; what both sides found.
+fn agree(reader: &Path, seed: u64) -> usize {
+    let mut draw = Draw(seed);
     let mut bytes = Vec::new();
-    for _ in 0..60_000 {
+    for _ in 0..FRAMES {
         let body: String =
             (0..draw.next() % 60).map(|_| char::from(b'0' + (draw.next() % 10) as u8)).collect();
         let mut one = request(draw.next() as u8, &body);
@@ -176,8 +191,9 @@ fn the_firmwares_reader_and_the_drivers_agree_on_any_bytes() {
     let good = theirs.iter().filter(|l| l.starts_with("good")).count();
     assert!(good > 15_000 && theirs.len() - good > 15_000, "{good} of {}", theirs.len());
     let differ = ours.iter().zip(&theirs).position(|(a, b)| a != b);
-    assert_eq!(differ.map(|k| (&ours[k], theirs[k])), None);
-    assert_eq!(ours.len(), theirs.len());
+    assert_eq!(differ.map(|k| (&ours[k], theirs[k])), None, "seed {seed}");
+    assert_eq!(ours.len(), theirs.len(), "seed {seed}");
+    ours.len()
 }
 
 #[test]

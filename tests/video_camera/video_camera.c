@@ -4,9 +4,12 @@
 // The device is a memory file, so mapping and closing it need nothing. A thread is the camera: at every frame's time it
 // fills the next free buffer with what stands in the folder then, as a real camera does whether anybody looks or not.
 //
-// The environment:  GRAINRIG_VIDEO      path of the device
-//                   GRAINRIG_VIDEO_DIR  folder with `frame` (the bytes of a frame) and `fault` (a word, or nothing):
-//                   gone, held, bandwidth, stall, cut, forgets
+// The environment:  GRAINRIG_VIDEO        path of the device
+//                   GRAINRIG_VIDEO_DIR    folder with `frame` (the bytes of a frame) and `fault` (a word, or nothing):
+//                                         gone, held, bandwidth, stall, cut, forgets
+//                   GRAINRIG_VIDEO_SCENE  a socket that is asked for each frame instead: a byte goes there, the number of
+//                                         the frame's bytes (four of them, the least first) and the frame come back
+//                   GRAINRIG_VIDEO_SIZE   the picture, as 640x480; 324x216 where it is not said
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -19,11 +22,14 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <sys/socket.h>
 #include <sys/syscall.h>
+#include <sys/un.h>
 #include <time.h>
 #include <unistd.h>
 
-enum { WIDTH = 324, HEIGHT = 216, FPS = 50, BUFFERS = 8, BUFFER_BYTES = 1 << 20 };
+enum { FPS = 50, BUFFERS = 8, BUFFER_BYTES = 1 << 20 };
+static unsigned width = 324, height = 216;
 
 struct control {
     __u32 id, type;
@@ -58,6 +64,11 @@ __attribute__((constructor)) static void begin(void) {
     real_open = dlsym(RTLD_NEXT, "open");
     real_syscall = dlsym(RTLD_NEXT, "syscall");
     real_poll = dlsym(RTLD_NEXT, "poll");
+    const char *size = getenv("GRAINRIG_VIDEO_SIZE");
+    if (size && (sscanf(size, "%ux%u", &width, &height) != 2 || 2 * width * height > BUFFER_BYTES)) {
+        fprintf(stderr, "video_camera: GRAINRIG_VIDEO_SIZE is %s\n", size);
+        _exit(2);
+    }
 }
 
 static int refuse(int reason) {
@@ -83,9 +94,47 @@ static int fault_is(const char *word) {
     return strcmp(is, word) == 0;
 }
 
+// All of so many bytes, either way; whether they went.
+static int whole(int line, void *bytes, size_t count, int out) {
+    while (count) {
+        ssize_t n = out ? send(line, bytes, count, MSG_NOSIGNAL) : recv(line, bytes, count, 0);
+        if (n <= 0)
+            return 0;
+        bytes = (char *)bytes + n;
+        count -= (size_t)n;
+    }
+    return 1;
+}
+
+// What is before the lens now.
+static size_t expose(void *into) {
+    static int line = -1;
+    const char *scene = getenv("GRAINRIG_VIDEO_SCENE");
+    if (!scene)
+        return read_file("frame", into, BUFFER_BYTES);
+    // The thread of a stream that has ended may still be at it.
+    static pthread_mutex_t asking = PTHREAD_MUTEX_INITIALIZER;
+    pthread_mutex_lock(&asking);
+    if (line < 0) {
+        struct sockaddr_un at = {.sun_family = AF_UNIX};
+        snprintf(at.sun_path, sizeof at.sun_path, "%s", scene);
+        line = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+        if (connect(line, (struct sockaddr *)&at, sizeof at))
+            perror("video_camera: the scene");
+    }
+    unsigned char ask = 1, n[4];
+    size_t bytes = 0;
+    if (whole(line, &ask, 1, 1) && whole(line, n, 4, 0))
+        bytes = n[0] | n[1] << 8 | n[2] << 16 | (size_t)n[3] << 24;
+    if (bytes > BUFFER_BYTES || !whole(line, into, bytes, 0))
+        bytes = 0;
+    pthread_mutex_unlock(&asking);
+    return bytes;
+}
+
 static void *camera(void *mine) {
     unsigned my_generation = (unsigned)(size_t)mine;
-    struct timespec due;
+    struct timespec due, now;
     clock_gettime(CLOCK_MONOTONIC, &due);
     for (;;) {
         due.tv_nsec += 1000000000 / FPS;
@@ -93,6 +142,10 @@ static void *camera(void *mine) {
             due.tv_nsec -= 1000000000;
             due.tv_sec++;
         }
+        // A scene that takes longer than a frame does costs frames.
+        clock_gettime(CLOCK_MONOTONIC, &now);
+        if (now.tv_sec > due.tv_sec || (now.tv_sec == due.tv_sec && now.tv_nsec > due.tv_nsec))
+            due = now;
         clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, 0);
         pthread_mutex_lock(&lock);
         if (!streaming || generation != my_generation) {
@@ -102,16 +155,23 @@ static void *camera(void *mine) {
         if (fault_is("gone"))
             pthread_cond_broadcast(&filled);
         sequence++;
-        if (queued && !fault_is("stall")) {
-            int index = queue[0];
-            memmove(queue, queue + 1, --queued * sizeof *queue);
-            void *bytes = mmap(0, BUFFER_BYTES, PROT_READ | PROT_WRITE, MAP_SHARED, device, (off_t)index * BUFFER_BYTES);
-            used[index] = read_file("frame", bytes, BUFFER_BYTES);
-            munmap(bytes, BUFFER_BYTES);
-            if (fault_is("cut"))
-                used[index] /= 2;
+        if (!queued || fault_is("stall")) {
+            pthread_mutex_unlock(&lock);
+            continue;
+        }
+        int index = queue[0];
+        unsigned number = sequence;
+        memmove(queue, queue + 1, --queued * sizeof *queue);
+        pthread_mutex_unlock(&lock);
+        // What is seen is later than the frame's date, never earlier.
+        void *bytes = mmap(0, BUFFER_BYTES, PROT_READ | PROT_WRITE, MAP_SHARED, device, (off_t)index * BUFFER_BYTES);
+        size_t got = expose(bytes);
+        munmap(bytes, BUFFER_BYTES);
+        pthread_mutex_lock(&lock);
+        if (streaming && generation == my_generation) {
+            used[index] = fault_is("cut") ? got / 2 : got;
             dated[index] = (struct timeval){due.tv_sec, due.tv_nsec / 1000};
-            numbered[index] = sequence;
+            numbered[index] = number;
             done[finished++] = index;
             pthread_cond_broadcast(&filled);
         }
@@ -213,11 +273,11 @@ static int ask(unsigned long request, void *argument) {
     case VIDIOC_G_FMT: {
         struct v4l2_pix_format *pixels = &((struct v4l2_format *)argument)->fmt.pix;
         memset(pixels, 0, sizeof *pixels);
-        pixels->width = WIDTH;
-        pixels->height = HEIGHT;
+        pixels->width = width;
+        pixels->height = height;
         pixels->pixelformat = format;
         pixels->field = V4L2_FIELD_NONE;
-        pixels->bytesperline = format == V4L2_PIX_FMT_YUYV ? 2 * WIDTH : 0;
+        pixels->bytesperline = format == V4L2_PIX_FMT_YUYV ? 2 * width : 0;
         pixels->sizeimage = BUFFER_BYTES;
         pixels->colorspace = V4L2_COLORSPACE_SRGB;
         return 0;

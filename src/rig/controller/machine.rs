@@ -5,7 +5,7 @@ use super::settings::{Reference, Settings};
 use crate::rig::RigError;
 use crate::rig::serial::Port;
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// The protocol that this program speaks.
 const PROTOCOL: &str = "1";
@@ -18,6 +18,9 @@ const LOOK: Duration = Duration::from_millis(4);
 const SEEK_TURNS: f64 = 1.05;
 /// A moment before a port that has gone is tried again.
 const RETRY: Duration = Duration::from_millis(200);
+
+/// Shots are numbered up to this, and round again.
+const SHOTS: u64 = 1 << 30;
 
 /// What the controller says of itself.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -53,13 +56,17 @@ pub(super) struct Machine {
     version: String,
     /// Whether the position is known, as far as this side knows.
     referenced: bool,
+    /// Number of the last shot.
+    shot: u64,
 }
 
 impl Machine {
     pub fn open(settings: Settings) -> Result<Self, RigError> {
         let link = line(&settings)?;
+        // The firmware takes a shot of the last one's number for the same shot asked for again, and outlives this program.
+        let shot = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |t| t.as_millis() as u64 % SHOTS);
         let mut machine =
-            Self { settings, link, boot: String::new(), version: String::new(), referenced: false };
+            Self { settings, link, boot: String::new(), version: String::new(), referenced: false, shot };
         // A board that opening has reset is in its bootloader first, which takes what it hears for a program.
         let wait = Duration::from_millis(machine.settings.boot_ms);
         machine.link.started(wait).map_err(|e| machine.device(&e.to_string()))?;
@@ -324,6 +331,28 @@ impl Machine {
             );
         }
         Ok(Some(to))
+    }
+
+    /// Closes the contacts of the camera's release. A release that is still at work is waited for.
+    pub fn photograph(&mut self) -> Result<(), RigError> {
+        self.shot = self.shot % SHOTS + 1;
+        let (focus, shutter) = (self.settings.focus_ms, self.settings.shutter_ms);
+        let body = format!("P {} {focus} {shutter}", self.shot);
+        let longest = Duration::from_millis(u64::from(focus) + u64::from(shutter)) + GRACE;
+        let deadline = Instant::now() + longest;
+        loop {
+            match self.asked(&body)?.as_str() {
+                "ok" => return Ok(()),
+                "err busy" if Instant::now() < deadline => std::thread::sleep(LOOK),
+                "err busy" => {
+                    let s = longest.as_secs_f64();
+                    return Err(self.device(&format!(
+                        "the camera's release has been at work for {s:.1} s; switch the board off and on"
+                    )));
+                }
+                other => return Err(self.device(&format!("it answers {other:?} to {body:?}"))),
+            }
+        }
     }
 
     /// How long a way takes, at a trapezoidal speed.

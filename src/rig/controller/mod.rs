@@ -1,4 +1,4 @@
-//! The stage that grainrig's own firmware turns (`firmware/`).
+//! The stage that grainrig's own firmware turns (`firmware/`), and the camera's release on the same board.
 
 mod frame;
 mod link;
@@ -8,7 +8,7 @@ mod stage;
 
 pub use frame::{FRAME_MOST, Reader, Said, crc16, request};
 pub use settings::{Reference, Settings};
-pub use stage::ControllerStage;
+pub use stage::{ControllerShutter, ControllerStage};
 
 use super::RigError;
 

@@ -6,6 +6,9 @@ use serde::{Deserialize, Serialize};
 const SPEEDS: [f64; 2] = [10.0, 8000.0];
 const ACCELERATIONS: [f64; 2] = [10.0, 200_000.0];
 
+/// The firmware's longest times for the camera's contacts, ms.
+const LONGEST_CONTACT_MS: u32 = 60_000;
+
 /// A stepper controller with grainrig's firmware.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -34,6 +37,10 @@ pub struct Settings {
     pub invert: bool,
     /// The firmware stops and lets go where it hears nothing for so long, seconds; 0: never.
     pub silence_s: u32,
+    /// How long the camera's focus contact is closed before the shutter's is too, ms; of use with `rig.release` only.
+    pub focus_ms: u32,
+    /// How long both are closed then, ms: the exposure itself where the camera is set to bulb.
+    pub shutter_ms: u32,
     /// How long an answer may take before it is asked for again, ms.
     pub reply_ms: u64,
     /// How often something is asked before the controller counts as gone.
@@ -70,6 +77,8 @@ impl Default for Settings {
             homing_deg_per_s: 9.0,
             invert: false,
             silence_s: 60,
+            focus_ms: 100,
+            shutter_ms: 200,
             reply_ms: 250,
             tries: 8,
             boot_ms: 2500,
@@ -138,6 +147,12 @@ impl Settings {
                 "10 to 10000 ms, 1 to 100 tries",
                 "250 ms and 8 are usual",
             );
+        }
+        for (name, ms, least) in [("focus_ms", self.focus_ms, 0), ("shutter_ms", self.shutter_ms, 1)] {
+            if !(least..=LONGEST_CONTACT_MS).contains(&ms) {
+                let limit = format!("{least} to {LONGEST_CONTACT_MS} ms");
+                return said(name, format!("{ms} ms"), &limit, "100 and 200 are usual");
+            }
         }
         if self.silence_s != 0 && !(5..=86_400).contains(&self.silence_s) {
             let remedy = "60 is usual; grainrig speaks up a third as often";

@@ -1,9 +1,10 @@
-//! The stage: a thread of its own owns the controller, and speaks to it also while nobody wants anything.
+//! The stage: a thread of its own owns the controller, and speaks to it also while nobody wants anything. The camera's
+//! release, which is on the same board, asks the same thread.
 
 use super::machine::Machine;
 use super::settings::Settings;
 use crate::geometry::Angle;
-use crate::rig::{RigError, RotationStage};
+use crate::rig::{RigError, RotationStage, Shutter};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -12,7 +13,7 @@ use std::time::Duration;
 pub struct ControllerStage {
     limits: [Angle; 2],
     about: String,
-    wanted: Option<Sender<Wanted>>,
+    wanted: Sender<Wanted>,
     reached: Receiver<Result<f64, RigError>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -22,6 +23,25 @@ enum Wanted {
     Home,
     /// Degrees.
     MoveTo(f64),
+    /// Who asks is told by a line of its own.
+    Photograph(Sender<Result<(), RigError>>),
+    /// The motor is let go, and the thread ends.
+    End,
+}
+
+fn gone() -> RigError {
+    RigError::Device("the stage's thread has ended; open the rig again".into())
+}
+
+/// The camera's release on the controller's board. Good as long as its stage.
+pub struct ControllerShutter(Sender<Wanted>);
+
+impl Shutter for ControllerShutter {
+    fn release(&mut self) -> Result<(), RigError> {
+        let (answer, done) = channel();
+        self.0.send(Wanted::Photograph(answer)).map_err(|_| gone())?;
+        done.recv().map_err(|_| gone())?
+    }
 }
 
 impl ControllerStage {
@@ -37,12 +57,16 @@ impl ControllerStage {
             .name("stage".into())
             .spawn(move || serve(machine, each, &wants, &answer))
             .map_err(|e| RigError::Device(format!("no thread for the stage: {e}")))?;
-        Ok(Self { limits, about, wanted: Some(wanted), reached, thread: Some(thread) })
+        Ok(Self { limits, about, wanted, reached, thread: Some(thread) })
+    }
+
+    /// The camera's release, which is on the same board.
+    pub fn shutter(&self) -> ControllerShutter {
+        ControllerShutter(self.wanted.clone())
     }
 
     fn ask(&self, wanted: Wanted) -> Result<Angle, RigError> {
-        let gone = || RigError::Device("the stage's thread has ended".into());
-        self.wanted.as_ref().ok_or_else(gone)?.send(wanted).map_err(|_| gone())?;
+        self.wanted.send(wanted).map_err(|_| gone())?;
         self.reached.recv().map_err(|_| gone())?.map(Angle::from_deg)
     }
 }
@@ -57,11 +81,16 @@ fn serve(
         let done = match wants.recv_timeout(each) {
             Ok(Wanted::Home) => machine.home(),
             Ok(Wanted::MoveTo(deg)) => machine.move_to(deg),
+            Ok(Wanted::Photograph(answer)) => {
+                // Whoever asked and went away does not want to know.
+                let _ = answer.send(machine.photograph());
+                continue;
+            }
             Err(RecvTimeoutError::Timeout) => {
                 machine.keep_alive();
                 continue;
             }
-            Err(RecvTimeoutError::Disconnected) => break,
+            Ok(Wanted::End) | Err(RecvTimeoutError::Disconnected) => break,
         };
         if answer.send(done).is_err() {
             break;
@@ -92,7 +121,8 @@ impl RotationStage for ControllerStage {
 impl Drop for ControllerStage {
     /// Waits until the motor is let go.
     fn drop(&mut self) {
-        self.wanted = None;
+        // The camera's release may be there still, so that the end of the line alone would not tell.
+        let _ = self.wanted.send(Wanted::End);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }

@@ -4,7 +4,8 @@ use super::message::{Failure, FailureKind, Reply, Request};
 use super::policy;
 use super::settings::{Settings, seconds};
 use super::supervisor::Worker;
-use crate::rig::{Camera, Encoding, Frame, OtherFile, RigError};
+use crate::rig::{Camera, Encoding, Frame, OtherFile, RigError, Shutter};
+use std::time::Instant;
 
 pub use super::supervisor::Launch;
 
@@ -16,6 +17,8 @@ pub struct GphotoCamera {
     settings: Settings,
     launch: Launch,
     worker: Option<Worker>,
+    /// What releases it, where that is not done over its own cable.
+    shutter: Option<Box<dyn Shutter>>,
     /// A child failed since the last picture.
     after_failure: bool,
     /// How often in a row the camera was given up.
@@ -36,12 +39,20 @@ impl GphotoCamera {
             settings: settings.clone(),
             launch,
             worker: None,
+            shutter: None,
             after_failure: false,
             suspensions: 0,
             description: String::new(),
         };
         camera.persist(|camera| camera.worker().map(|_| ()))?;
         Ok(camera)
+    }
+
+    /// The same camera, released from elsewhere: its files come over its own cable as before.
+    #[must_use]
+    pub fn released_by(mut self, shutter: impl Shutter + 'static) -> Self {
+        self.shutter = Some(Box::new(shutter));
+        self
     }
 
     /// The child with the camera open; started where there is none.
@@ -80,16 +91,44 @@ impl GphotoCamera {
     }
 
     fn shot(&mut self) -> Result<Frame, Failure> {
-        let deadline = seconds(self.settings.shot_s);
-        match self.worker()?.ask(&Request::Capture, "deliver a picture", deadline)? {
+        // Starting a child has its own time.
+        self.worker()?;
+        let end = Instant::now() + seconds(self.settings.shot_s);
+        let request = if self.shutter.is_some() {
+            self.release(end)?;
+            Request::Collect
+        } else {
+            Request::Capture
+        };
+        self.picture(&request, end)
+    }
+
+    /// A picture of live view.
+    fn show(&mut self) -> Result<Frame, Failure> {
+        self.worker()?;
+        self.picture(&Request::Preview, Instant::now() + seconds(self.settings.shot_s))
+    }
+
+    fn picture(&mut self, request: &Request, end: Instant) -> Result<Frame, Failure> {
+        let left = end.saturating_duration_since(Instant::now());
+        match self.worker()?.ask(request, "deliver a picture", left)? {
             (Reply::Shot { names, notes }, files) => {
-                notes.iter().for_each(|note| tracing::warn!("camera: {note}"));
+                warn(&notes);
                 frame(&names, files)
             }
-            (other, _) => {
-                Err(Failure::new(FailureKind::Transport, format!("a release was answered by {other:?}")))
-            }
+            (other, _) => Err(out_of_turn(&other)),
         }
+    }
+
+    /// Has the camera get ready, and what releases it from elsewhere do so.
+    fn release(&mut self, end: Instant) -> Result<(), Failure> {
+        let left = end.saturating_duration_since(Instant::now());
+        match self.worker()?.ask(&Request::Ready, "get ready", left)? {
+            (Reply::Ready { notes }, _) => warn(&notes),
+            (other, _) => return Err(out_of_turn(&other)),
+        }
+        let released = self.shutter.as_mut().map_or(Ok(()), |shutter| shutter.release());
+        released.map_err(|e| Failure::new(FailureKind::Release, e.to_string()))
     }
 
     /// Tries something as often as its failures deserve. A camera that was given up gets one try.
@@ -135,6 +174,14 @@ impl GphotoCamera {
     }
 }
 
+fn warn(notes: &[String]) {
+    notes.iter().for_each(|note| tracing::warn!("camera: {note}"));
+}
+
+fn out_of_turn(reply: &Reply) -> Failure {
+    Failure::new(FailureKind::Transport, format!("a release was answered by {reply:?}"))
+}
+
 /// A serial number, or that there is none.
 fn known(serial: &str) -> &str {
     if serial.is_empty() { "not told" } else { serial }
@@ -169,10 +216,14 @@ impl Camera for GphotoCamera {
         self.persist(Self::shot)
     }
 
+    fn preview(&mut self) -> Result<Frame, RigError> {
+        self.persist(Self::show)
+    }
+
     fn kept(&mut self) {
         // Nobody waits for it: the camera deletes while the stage turns. What fails shows at the next picture.
         if let Some(worker) = &mut self.worker
-            && let Err(failure) = worker.tell(&Request::Release)
+            && let Err(failure) = worker.tell(&Request::Kept)
         {
             tracing::warn!("the picture stays on the camera: {}", failure.cause);
         }

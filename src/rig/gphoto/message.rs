@@ -3,7 +3,7 @@
 use super::settings::Settings;
 use serde::{Deserialize, Serialize};
 
-/// What the child is asked. Each is answered by one [`Reply`], but [`Request::Release`].
+/// What the child is asked. Each is answered by one [`Reply`], but [`Request::Kept`].
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(tag = "request", rename_all = "snake_case")]
 pub(super) enum Request {
@@ -16,8 +16,14 @@ pub(super) enum Request {
     },
     /// Take a picture: the files come first, then the reply.
     Capture,
+    /// Make everything ready for a release that comes from elsewhere.
+    Ready,
+    /// The shutter was released from elsewhere: take what comes of it, as after [`Request::Capture`].
+    Collect,
+    /// Show a picture of live view, which begins where it is off. Answered as [`Request::Capture`] is; the next picture ends it.
+    Preview,
     /// The files of the last picture are durable. Not answered: the camera deletes while the stage turns.
-    Release,
+    Kept,
 }
 
 /// What the child answers.
@@ -25,7 +31,7 @@ pub(super) enum Request {
 #[serde(tag = "reply", rename_all = "snake_case")]
 pub(super) enum Reply {
     /// It has started.
-    Ready,
+    Started,
     /// The camera is open.
     Opened {
         /// Model, as the camera says.
@@ -36,6 +42,11 @@ pub(super) enum Reply {
         port: String,
         /// The library's version.
         library: String,
+    },
+    /// It waits for a release from elsewhere.
+    Ready {
+        /// What is worth a line in the log.
+        notes: Vec<String>,
     },
     /// A picture was taken.
     Shot {
@@ -75,6 +86,8 @@ pub(super) enum FailureKind {
     Transport,
     /// The camera said for too long that it is busy (−110).
     Busy,
+    /// What releases the shutter from elsewhere failed.
+    Release,
     /// The release came to nothing.
     NoPicture,
     /// A picture came that is empty, cut off or RAW only.

@@ -15,14 +15,15 @@ pub(super) fn waits(kind: FailureKind, settings: &Settings) -> Vec<Duration> {
     match kind {
         K::Claimed => all(&settings.claimed_retry_s),
         K::Absent | K::Transport | K::Busy | K::NoPicture | K::BadPicture => all(&settings.retry_s),
-        K::Full | K::Setting | K::Unsupported => Vec::new(),
+        // The controller has been asked often enough by then.
+        K::Full | K::Setting | K::Release | K::Unsupported => Vec::new(),
     }
 }
 
 /// Whether the connection is no good any more, so that the next try begins with a new child.
 pub(super) fn needs_new_child(kind: FailureKind) -> bool {
     use FailureKind as K;
-    !matches!(kind, K::BadPicture | K::Full | K::Setting)
+    !matches!(kind, K::BadPicture | K::Full | K::Setting | K::Release)
 }
 
 /// What to do, where trying again did not help.
@@ -43,7 +44,11 @@ pub(super) fn remedy(kind: FailureKind) -> &'static str {
         }
         K::Busy => "end live view, playback or a menu on the camera; where it stays so, switch it off and on",
         K::NoPicture => {
-            "set the lens to manual focus, the camera to single shot without self-timer and mirror lock-up"
+            "set the lens to manual focus, the camera to single shot without self-timer and mirror lock-up; where the \
+             controller releases it (rig.release), check that cable and make controller.focus_ms and shutter_ms longer"
+        }
+        K::Release => {
+            "mend the stage's controller, which releases the camera, or set rig.release = \"camera\""
         }
         K::BadPicture => "set the picture quality to JPEG, or RAW + JPEG; check the card",
         K::Full => "delete pictures from the card or put an empty one in, or set gphoto2.target = \"ram\"",

@@ -88,7 +88,7 @@ impl Worker {
         }
         let mut worker = Self { child: Some(child), requests, incoming, last_words, _home: home };
         match worker.answer("start", deadline)? {
-            (Reply::Ready, _) => Ok(worker),
+            (Reply::Started, _) => Ok(worker),
             (other, _) => Err(unexpected(&other)),
         }
     }
@@ -126,7 +126,7 @@ impl Worker {
                     self.kill();
                     let cause = format!(
                         "the camera did not {what} within {} s: its process was killed{}",
-                        deadline.as_secs_f64(),
+                        (deadline.as_secs_f64() * 100.0).round() / 100.0,
                         self.words()
                     );
                     return Err(Failure::new(FailureKind::Transport, cause));

@@ -15,7 +15,19 @@ impl Body {
     pub(super) fn capture(&mut self) -> Result<(Vec<NamedFile>, Vec<String>), Failure> {
         match *self {}
     }
-    pub(super) fn release(&mut self) {
+    pub(super) fn ready(&mut self) -> Result<Vec<String>, Failure> {
+        match *self {}
+    }
+    pub(super) fn released(&mut self) -> Result<Vec<NamedFile>, Failure> {
+        match *self {}
+    }
+    pub(super) fn preview(&mut self) -> Result<(Vec<NamedFile>, Vec<String>), Failure> {
+        match *self {}
+    }
+    pub(super) fn leave(&self) {
+        match *self {}
+    }
+    pub(super) fn kept(&mut self) {
         match *self {}
     }
 }

@@ -13,8 +13,9 @@ use gphoto2::{Camera, Context};
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
-/// How long each look for events takes at most.
-const LOOK: Duration = Duration::from_millis(100);
+/// How long each look for events takes at most. The library asks a Canon, then sleeps for 50 ms or up to this, and asks again:
+/// so this is how late a picture may be noticed.
+const LOOK: Duration = Duration::from_millis(10);
 /// Part of the time for a picture after which no file is waited for any more: what remains is for fetching.
 const WAITING_SHARE: f64 = 0.7;
 /// A card with less room than a large picture takes is full.
@@ -61,9 +62,21 @@ impl Body {
         Ok((body, Reply::Opened { model, serial, port, library }))
     }
 
-    /// Takes a picture and fetches its files.
+    /// Takes a picture and fetches its files; and what is worth a line in the log.
     pub(super) fn capture(&mut self) -> Result<(Vec<NamedFile>, Vec<String>), Failure> {
         let began = Instant::now();
+        let notes = self.ready()?;
+        let released = self.trigger();
+        Ok((self.deliver(released, began, "the camera was released")?, notes))
+    }
+
+    /// The shutter was released from elsewhere: the files of that exposure.
+    pub(super) fn released(&mut self) -> Result<Vec<NamedFile>, Failure> {
+        self.deliver(Ok(()), Instant::now(), "the camera was released by the controller")
+    }
+
+    /// Makes everything as it must be for a picture; what is worth a line in the log.
+    pub(super) fn ready(&mut self) -> Result<Vec<String>, Failure> {
         // A release that nobody waited for has left its events; a camera just opened is not to be bothered.
         let left = if self.untouched { Vec::new() } else { drain(&self.camera, Duration::from_millis(1))? };
         self.untouched = false;
@@ -71,8 +84,18 @@ impl Body {
             left.iter().map(|(_, name)| format!("{name} is of an earlier release and is not used")).collect();
         self.end_live_view(false)?;
         notes.extend(self.prepare()?);
+        Ok(notes)
+    }
+
+    /// The files of an exposure that was begun, or why there are none.
+    fn deliver(
+        &mut self,
+        released: Result<(), Failure>,
+        began: Instant,
+        how: &str,
+    ) -> Result<Vec<NamedFile>, Failure> {
         let until = began + seconds(self.settings.shot_s).mul_f64(WAITING_SHARE);
-        self.delivered = match self.trigger().and_then(|()| self.collect(until)) {
+        self.delivered = match released.and_then(|()| self.collect(until, how)) {
             Ok(files) => files,
             Err(failure) => return Err(self.full().unwrap_or(failure)),
         };
@@ -81,11 +104,33 @@ impl Body {
             let bytes = fetch(&self.camera, &self.context, folder, name)?;
             Ok((name.clone(), bytes))
         });
-        Ok((fetched.collect::<Result<_, Failure>>()?, notes))
+        fetched.collect()
+    }
+
+    /// A picture of live view, and nothing to be said of it. Live view stays on until a picture is taken.
+    pub(super) fn preview(&mut self) -> Result<(Vec<NamedFile>, Vec<String>), Failure> {
+        self.untouched = false;
+        let failed = |e| failure("show live view", &e);
+        let shown = self.camera.capture_preview().wait().map_err(|e| match e.kind() {
+            gphoto2::error::ErrorKind::NotSupported => Failure::new(
+                FailureKind::Unsupported,
+                "this camera has no live view that the library can show",
+            ),
+            _ => failed(e),
+        })?;
+        let bytes = Vec::from(shown.get_data(&self.context).wait().map_err(failed)?);
+        Ok((vec![("preview.jpg".to_owned(), bytes)], Vec::new()))
+    }
+
+    /// Live view that was shown is ended: the mirror comes down.
+    pub(super) fn leave(&self) {
+        if let Err(failure) = self.end_live_view(false) {
+            eprintln!("live view stays on: {}", failure.cause);
+        }
     }
 
     /// The last picture is durable: the camera forgets it.
-    pub(super) fn release(&mut self) {
+    pub(super) fn kept(&mut self) {
         for (folder, name) in std::mem::take(&mut self.delivered) {
             // What was held in its RAM is forgotten by the camera already, and by the library only so.
             if (self.settings.delete || self.settings.target == Target::Ram)
@@ -215,7 +260,7 @@ impl Body {
     ///
     /// How many files an exposure makes shows the first one, for which a rest is waited out. From then on that number
     /// and the camera's word end the wait, and a file that is missing is waited for longer.
-    fn collect(&mut self, end: Instant) -> Result<Vec<(String, String)>, Failure> {
+    fn collect(&mut self, end: Instant, how: &str) -> Result<Vec<(String, String)>, Failure> {
         let rest = seconds(self.settings.quiet_s);
         let (mut files, mut complete, mut last) = (Vec::new(), false, Instant::now());
         loop {
@@ -232,7 +277,7 @@ impl Body {
                     break;
                 }
                 let after = seconds(self.settings.shot_s).mul_f64(WAITING_SHARE).as_secs_f64();
-                let cause = format!("the camera was released and made no file within {after:.1} s");
+                let cause = format!("{how} and made no file within {after:.1} s");
                 return Err(Failure::new(FailureKind::NoPicture, cause));
             }
             let look = LOOK.min(end - now);

@@ -20,7 +20,7 @@ use body::Body;
 use super::message::{Failure, FailureKind, Reply, Request};
 use super::wire::{self, Kind};
 use std::fs::File;
-use std::io::{BufReader, Result, Write};
+use std::io::{BufReader, Write};
 use std::process::ExitCode;
 use std::sync::mpsc::{Sender, channel};
 use std::time::Duration;
@@ -42,13 +42,13 @@ pub fn run() -> ExitCode {
     }
 }
 
-fn serve() -> Result<()> {
+fn serve() -> std::io::Result<()> {
     // A line that the library prints must not stand among the replies.
     let mut replies = File::from(rustix::io::dup(rustix::stdio::stdout())?);
     rustix::stdio::dup2_stdout(rustix::stdio::stderr())?;
     let (send, requests) = channel();
     std::thread::spawn(move || listen(&send));
-    reply(&mut replies, &Reply::Ready)?;
+    reply(&mut replies, &Reply::Started)?;
     let mut body: Option<Body> = None;
     for request in requests {
         match request {
@@ -63,31 +63,50 @@ fn serve() -> Result<()> {
                     Err(failure) => reply(&mut replies, &Reply::Failed(failure))?,
                 }
             }
-            Request::Capture => match body.as_mut().map_or_else(|| Err(not_open()), Body::capture) {
-                Ok((files, notes)) => {
-                    let (names, files): (Vec<String>, Vec<Vec<u8>>) = files.into_iter().unzip();
-                    for bytes in &files {
-                        wire::write(&mut replies, Kind::File, bytes)?;
-                    }
-                    reply(&mut replies, &Reply::Shot { names, notes })?;
-                }
+            Request::Capture => deliver(&mut replies, open(&mut body).and_then(Body::capture))?,
+            Request::Ready => match open(&mut body).and_then(Body::ready) {
+                Ok(notes) => reply(&mut replies, &Reply::Ready { notes })?,
                 Err(failure) => reply(&mut replies, &Reply::Failed(failure))?,
             },
-            Request::Release => {
+            Request::Collect => {
+                let files = open(&mut body).and_then(Body::released);
+                deliver(&mut replies, files.map(|files| (files, Vec::new())))?;
+            }
+            Request::Preview => deliver(&mut replies, open(&mut body).and_then(Body::preview))?,
+            Request::Kept => {
                 if let Some(body) = &mut body {
-                    body.release();
+                    body.kept();
                 }
             }
         }
     }
+    if let Some(body) = &body {
+        body.leave();
+    }
     Ok(())
 }
 
-fn not_open() -> Failure {
-    Failure::new(FailureKind::Transport, "a picture was asked for before the camera was opened")
+fn open(body: &mut Option<Body>) -> Result<&mut Body, Failure> {
+    let not_open =
+        || Failure::new(FailureKind::Transport, "a picture was asked for before the camera was opened");
+    body.as_mut().ok_or_else(not_open)
 }
 
-fn reply(to: &mut impl Write, reply: &Reply) -> Result<()> {
+/// Sends the files of an exposure and what is to be said of them, or why there are none.
+fn deliver(to: &mut impl Write, shot: Result<(Vec<NamedFile>, Vec<String>), Failure>) -> std::io::Result<()> {
+    match shot {
+        Ok((files, notes)) => {
+            let (names, files): (Vec<String>, Vec<Vec<u8>>) = files.into_iter().unzip();
+            for bytes in &files {
+                wire::write(to, Kind::File, bytes)?;
+            }
+            reply(to, &Reply::Shot { names, notes })
+        }
+        Err(failure) => reply(to, &Reply::Failed(failure)),
+    }
+}
+
+fn reply(to: &mut impl Write, reply: &Reply) -> std::io::Result<()> {
     wire::write(to, Kind::Message, &serde_json::to_vec(reply)?)
 }
 

@@ -1,10 +1,15 @@
-//! The real firmware on a simulated chip (`tests/board/board.c`), whose pins are watched.
+//! The real firmware on a simulated chip (`board.c`), whose pins are watched.
+
+// Each test file uses its own part of this.
+#![allow(dead_code)]
 
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::OnceLock;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::Duration;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
@@ -71,7 +76,8 @@ fn program() -> Result<PathBuf, String> {
 pub struct Board {
     child: Child,
     to: ChildStdin,
-    from: BufReader<ChildStdout>,
+    answers: Receiver<String>,
+    shutter: Option<Receiver<i64>>,
     pub port: PathBuf,
 }
 
@@ -106,14 +112,16 @@ impl Board {
             assert!(from.read_line(&mut line).unwrap() > 0, "the board ended");
         }
         let port = PathBuf::from(line["PTY ".len()..].trim());
-        Ok(Self { child, to, from, port })
+        let (answer, answers) = channel();
+        let (closed, shutter) = channel();
+        std::thread::spawn(move || listen(from, &answer, &closed));
+        Ok(Self { child, to, answers, shutter: Some(shutter), port })
     }
 
     /// Has the board do something; what it says.
     pub fn tell(&mut self, command: &str) -> String {
         writeln!(self.to, "{command}").unwrap();
-        let mut line = String::new();
-        assert!(self.from.read_line(&mut line).unwrap() > 0, "the board ended at {command:?}");
+        let line = self.answers.recv().unwrap_or_else(|_| panic!("the board ended at {command:?}"));
         assert!(!line.starts_with("unknown"), "{line}");
         line
     }
@@ -125,7 +133,28 @@ impl Board {
 
     /// Where the motor truly is, microsteps.
     pub fn position(&mut self) -> i64 {
-        self.state()["position"].as_i64().unwrap()
+        self.tell("position").trim().parse().unwrap()
+    }
+
+    /// How long the chip has run, by its own clock: on a busy computer it is slow.
+    pub fn time(&mut self) -> Duration {
+        Duration::from_micros(self.tell("time").trim().parse().unwrap())
+    }
+
+    /// Where the motor is each time the shutter's contact closes, microsteps; ends with the board. For one listener.
+    pub fn shutter(&mut self) -> Receiver<i64> {
+        self.shutter.take().expect("somebody listens to the shutter already")
+    }
+}
+
+/// Sorts what the board says into answers and what happens by itself.
+fn listen(from: BufReader<ChildStdout>, answer: &Sender<String>, shutter: &Sender<i64>) {
+    for line in from.lines().map_while(Result::ok) {
+        // Whoever does not want to know has gone.
+        match line.strip_prefix("SHUTTER ") {
+            Some(position) => drop(shutter.send(position.parse().unwrap())),
+            None => drop(answer.send(line)),
+        }
     }
 }
 
