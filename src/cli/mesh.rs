@@ -7,7 +7,7 @@ use super::reconstruct::MeshOptions;
 use super::{Common, usage};
 use crate::daemon::{self, Finished};
 use crate::export::{inp, inp_read};
-use crate::geometry::{ImplicitBody as _, Point};
+use crate::geometry::{ImplicitBody as _, Point, TriangleMesh};
 use crate::mesh::{Controls, Distances, MeshError, Solid, mesh};
 use crate::pipeline::MeshResult;
 use crate::report::{Sheet, mesh_sheet};
@@ -88,14 +88,7 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let start = Instant::now();
     let (surface, bytes) = read(input, arguments.unit)?;
     let name = || input.display().to_string();
-    let (solid, inwards) = Solid::turned_outwards(surface).with_context(name)?;
-    if inwards {
-        say(format!("{}: it was inside out; all its triangles are turned outwards", input.display()));
-    }
-    if let Some([first, second]) = solid.crossing() {
-        let place = solid.surface().corners(first)[0];
-        return Err(MeshError::Crossing { first, second, place }).with_context(name);
-    }
+    let (solid, inwards) = outwards(surface, input)?;
     let volume_mm3 = solid.surface().volume_mm3();
     let coarser = if arguments.preset == Some(Preset::Coarse) { COARSE } else { 1.0 };
     let diameter_mm = coarser * (6.0 * volume_mm3 / std::f64::consts::PI).cbrt();
@@ -146,6 +139,20 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     lines.extend(said.lines(seconds));
     lines.extend(outputs.iter().map(|path| format!("{:<10} {}", ending(path), path.display())));
     print(&(lines.join("\n") + "\n"))
+}
+
+/// The closed surface of a file, facing outwards, and whether it was inside out, which is said.
+pub(super) fn outwards(surface: TriangleMesh, path: &Path) -> Result<(Solid, bool)> {
+    let name = || path.display().to_string();
+    let (solid, inwards) = Solid::turned_outwards(surface).with_context(name)?;
+    if inwards {
+        say(format!("{}: it was inside out; all its triangles are turned outwards", path.display()));
+    }
+    if let Some([first, second]) = solid.crossing() {
+        let place = solid.surface().corners(first)[0];
+        return Err(MeshError::Crossing { first, second, place }).with_context(name);
+    }
+    Ok((solid, inwards))
 }
 
 /// How far the contact sets reach: as far as the contacts were made fine, else one surface size, mm.

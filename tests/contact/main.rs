@@ -3,7 +3,9 @@
 mod bodies;
 mod calculix;
 mod command;
+mod decks;
 mod elements;
 mod grain;
+mod plastic;
 mod press;
 mod sphere;
