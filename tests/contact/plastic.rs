@@ -1,14 +1,18 @@
 //! A plastic sphere between plates: where it begins to yield, and what it carries when all of the contact flows.
 
+use crate::bodies::graded_ball;
 use crate::sphere::{long, pressed};
-use grainrig::contact::{Material, hertz};
+use grainrig::contact::{Loading, Material, Press, hertz};
+use grainrig::geometry::Vector;
+use grainrig::mesh::TetMesh;
 use std::f64::consts::PI;
 
 #[test]
 fn a_plastic_sphere_carries_tabors_pressure_and_does_not_lock() {
     let (radius, yield_mpa) = (0.4075, 100.0);
     let material = Material { yield_mpa: Some(yield_mpa), ..Material::default() };
-    let meshes: &[[f64; 2]] = if long() { &[[0.010, 0.07], [0.007, 0.06]] } else { &[[0.012, 0.10]] };
+    let meshes: &[[f64; 2]] =
+        if long() { &[[0.010, 0.07], [0.007, 0.06]] } else { &[[0.014, 0.10], [0.011, 0.10]] };
     for sizes in meshes {
         let (press, curve) = pressed(&material, radius, *sizes, 0.0045);
         let e = press.samples().last().unwrap().energy;
@@ -35,15 +39,43 @@ fn a_plastic_sphere_carries_tabors_pressure_and_does_not_lock() {
     }
 }
 
+/// Whether an element under the middle of a contact of radius `a` has flowed, at depths about 0.48 a, where Hertz' stresses are
+/// the most. Elements at the surface are left out: the forces of single nodes make the first of them flow much earlier.
+fn flows_below(mesh: &TetMesh, press: &Press, a: f64) -> bool {
+    let strain = press.dynamics().fields(press.body()).plastic_strain;
+    let (places, upper) = press.placed_mm();
+    mesh.tets.iter().zip(&strain).filter(|(_, strain)| **strain > 0.0).any(|(tet, _)| {
+        let middle = tet.iter().map(|n| places[*n as usize].coords).sum::<Vector>() / 4.0;
+        let depth = middle.z.min(upper - middle.z);
+        middle.xy().norm() < 0.3 * a && (0.3 * a..0.7 * a).contains(&depth)
+    })
+}
+
 #[test]
 fn yield_begins_where_johnson_says() {
-    // With 6 GPa first yield comes at 69 N, where the contact is 58 um wide: wide enough to be resolved.
+    // With 6 GPa first yield comes at 62 N, where the contact is 56 um wide: wide enough to be resolved. Johnson's 1.6 Y is that
+    // of a Poisson's ratio of 0.3.
     let (radius, yield_mpa) = (0.4075, 6000.0);
-    let material = Material { yield_mpa: Some(yield_mpa), ..Material::default() };
+    let material = Material { poisson: 0.3, yield_mpa: Some(yield_mpa), ..Material::default() };
     let onset = hertz::yield_force_n(&material, radius, yield_mpa);
-    let sizes = if long() { [0.007, 0.06] } else { [0.012, 0.10] };
-    let (press, curve) = pressed(&material, radius, sizes, 0.0105);
-    let first = press.samples().iter().position(|s| s.energy.plastic > 1e-5 * s.energy.external).unwrap();
-    println!("first yield at {:.2} N, Johnson {onset:.2} N", curve[first][1]);
-    assert!((0.7..=1.4).contains(&(curve[first][1] / onset)), "{} {onset}", curve[first][1]);
+    let sizes: &[[f64; 2]] = if long() { &[[0.010, 0.10], [0.007, 0.10]] } else { &[[0.010, 0.10]] };
+    for [at_contact, elsewhere] in sizes {
+        let mesh = graded_ball(radius, *at_contact, 0.006, *elsewhere);
+        let loading = Loading { to_force_n: Some(2.0 * onset), ..Loading::default() };
+        let mut press = Press::new(&mesh, &material, 0.0, 2.0 * radius, 0.0, &loading).unwrap();
+        let first = loop {
+            let sample = press.next_sample().unwrap();
+            let (force, area) =
+                (sample.force_n, 0.5 * sample.touches.iter().map(|t| t.area_mm2).sum::<f64>());
+            if flows_below(&mesh, &press, (area / PI).sqrt()) || press.finished() {
+                break force;
+            }
+        };
+        let elements = mesh.tets.len();
+        println!(
+            "at contact {:4.1} um, {elements} elements: yield below the contact from {first:.2} N, Johnson {onset:.2} N",
+            1e3 * at_contact
+        );
+        assert!((0.8..=1.25).contains(&(first / onset)), "{first} {onset}");
+    }
 }
