@@ -1,15 +1,18 @@
 //! `grainrig compress`.
 
 use super::mesh::Unit;
+use super::mesh_files::outwards;
 use super::output::{print, print_json, say};
 use super::{Common, usage};
+use crate::contact::ContactError;
 use crate::contact::CurvePoint;
 use crate::contact::experiment::{self, Compliance};
 use crate::daemon::{
     CompressInput, CompressMaterial, CompressProgress, CompressRequest, CompressResult, Compression,
-    OtherCurve,
+    DaemonError, OtherCurve,
 };
 use crate::export::{inp_read, msh, stl};
+use crate::geometry::TriangleMesh;
 use crate::session::Recording;
 use anyhow::{Context as _, Result, bail};
 use clap::Args;
@@ -124,6 +127,7 @@ pub(super) fn run(common: &Common, a: &Arguments) -> Result<()> {
         Compression::resume(folder)?
     } else {
         let (input, out) = input(common, a)?;
+        let name = a.input.as_ref().map(|path| path.display().to_string());
         let request = request(a);
         let settings = request.settings().map_err(usage)?;
         let meshing = super::progress::percent("meshing");
@@ -131,7 +135,7 @@ pub(super) fn run(common: &Common, a: &Arguments) -> Result<()> {
             meshing.set_position((100.0 * d) as u64);
         });
         meshing.finish_and_clear();
-        made?
+        made.map_err(|e| named(e, name))?
     };
     let (elements, nodes, step_s) = compression.size();
     say(format!("{elements} tetrahedra, {nodes} nodes, steps of {:.3} ns", 1e9 * step_s));
@@ -149,6 +153,17 @@ pub(super) fn run(common: &Common, a: &Arguments) -> Result<()> {
         return print_json(&result);
     }
     print(&told(&result))
+}
+
+/// What is wrong with a body begins with the name of its file.
+fn named(error: DaemonError, name: Option<String>) -> anyhow::Error {
+    let of_body = match &error {
+        DaemonError::Mesh(_) => true,
+        DaemonError::Contact(e) => !matches!(e, ContactError::Setting { .. } | ContactError::Unstable { .. }),
+        _ => false,
+    };
+    let error = anyhow::Error::new(error);
+    if let (true, Some(name)) = (of_body, name) { error.context(name) } else { error }
 }
 
 /// The bar, or where nobody sees one a line for each twentieth of the way.
@@ -226,12 +241,13 @@ fn input(common: &Common, a: &Arguments) -> Result<(CompressInput, PathBuf)> {
     Ok((CompressInput::Surface(surface, format!("session {name}")), out(&name)))
 }
 
-fn surface(path: &Path, unit: Unit) -> Result<crate::geometry::TriangleMesh> {
+/// The closed surface of an STL file, facing outwards.
+fn surface(path: &Path, unit: Unit) -> Result<TriangleMesh> {
     let bytes =
         std::fs::read(path).with_context(|| format!("cannot read {}; check the path", path.display()))?;
     let mut surface = stl::read(&bytes).with_context(|| path.display().to_string())?;
     surface.vertices.iter_mut().for_each(|p| p.coords *= unit.in_mm());
-    Ok(surface)
+    Ok(outwards(surface, path)?.0.surface().clone())
 }
 
 /// The curves to be drawn beside: the laboratory's, and those of other compressions.
@@ -301,10 +317,10 @@ fn told(r: &CompressResult) -> String {
     ));
     if let Some(q) = &r.quasi_static {
         lines.push(format!(
-            "motion     at most {:.2} % of the internal energy, at {:.2} µm; above 5 % over {:.1} % of the approach",
+            "motion     at most {:.2} % of the internal energy, at {:.2} µm, since contacts had formed at {:.2} µm",
             100.0 * q.largest,
             1e3 * q.at_mm,
-            100.0 * q.above_limit
+            1e3 * q.formed_mm
         ));
     }
     lines.push(format!(

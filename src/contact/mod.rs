@@ -27,6 +27,7 @@ mod plates;
 mod press;
 mod readoff;
 pub mod rest;
+mod rigid;
 mod section;
 mod state;
 mod touch;

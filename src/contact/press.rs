@@ -1,7 +1,7 @@
 //! One compression: from the first touch to a force or an approach.
 //!
 //! Both plates move, each by half the approach, which halves the speed and quarters the energy of motion; only the approach
-//! counts. How fast follows from the work that they have done so far (see [`Loading`]).
+//! counts. How fast follows from what the grain has stored of their work so far (see [`Loading`]).
 
 use super::lanes::Node;
 use super::touch::{Contact, Plate, Skin, Touch, Tracker};
@@ -32,10 +32,12 @@ pub struct Loading {
     pub slowest: f64,
     /// The fastest approach over √(E/ρ).
     pub fastest: f64,
-    /// Between them the plates go as fast as a grain moving at their speed would have this share of the work done so far.
-    /// What moves in the grain is slower, most of it much, so that the true share is a small part of this one.
+    /// Between them the plates go as fast as a grain moving at their speed would have this share of what is stored so far. What
+    /// moves in the grain is slower, most of it much, so that the true share is a small part of this one. While a grain tips, it
+    /// stores nothing, and the plates stay slow.
     pub motion_share: f64,
-    /// Mass-proportional damping α over `c_s/H`, the shear wave's crossings of the grain's height in a second.
+    /// Mass-proportional damping α over `c_s/H`, the shear wave's crossings of the grain's height in a second; a twentieth of it
+    /// for the grain's motion as a whole.
     pub damping: f64,
     /// Mass that may be added to the smallest elements, over the grain's.
     pub mass_scaling: f64,
@@ -48,7 +50,7 @@ impl Default for Loading {
         Self {
             to_force_n: Some(10.0),
             to_approach_mm: None,
-            slowest: 6e-6,
+            slowest: 4e-6,
             fastest: 1e-3,
             motion_share: 0.03,
             damping: 0.2,
@@ -89,7 +91,7 @@ impl Loading {
             return bad("to_force_n", f64::NAN, "N", "given where no approach is", "say where to stop");
         }
         if !positive(self.slowest) || self.slowest > 0.01 {
-            return bad("slowest", self.slowest, "√(E/ρ)", "above 0 and at most 0.01", "6e-6 is usual");
+            return bad("slowest", self.slowest, "√(E/ρ)", "above 0 and at most 0.01", "4e-6 is usual");
         }
         if !(self.fastest >= self.slowest && self.fastest <= 0.01) {
             return bad("fastest", self.fastest, "√(E/ρ)", "from the slowest to 0.01", "1e-3 is usual");
@@ -337,13 +339,13 @@ impl Press {
         Ok(())
     }
 
-    /// Lets the speed follow the work done, smoothly.
+    /// Lets the speed follow the energy stored, smoothly.
     fn accelerate(&mut self) {
         let material = &self.body.material;
         let bar_mm_s = (material.young_mpa / material.density_t_mm3).sqrt();
-        let work = self.dynamics.spent.external.max(0.0);
+        let stored = self.dynamics.spent.kept().max(0.0);
         let mass = self.mass_t;
-        let wanted = (2.0 * self.loading.motion_share * work / mass).sqrt();
+        let wanted = (2.0 * self.loading.motion_share * stored / mass).sqrt();
         let wanted = wanted.clamp(self.loading.slowest * bar_mm_s, self.loading.fastest * bar_mm_s);
         let most = self.loading.slowest * bar_mm_s * self.step_s * material.shear_wave_mm_s()
             / (RAMP * self.height_mm);

@@ -116,25 +116,57 @@ pub fn agreement(computed: &[CurvePoint], measured: &[CurvePoint]) -> Option<Agr
     Some(Agreement { rms_n, relative: rms_n / most, determination: 1.0 - off / spread, points: pairs.len() })
 }
 
-/// The share of motion in a compression.
+/// The share of motion in a compression, after the first contact has formed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct QuasiStatic {
-    /// The largest kinetic over internal energy at the end of a stretch, once both plates have pushed.
+    /// The approach at which it had formed: both plates carried 2 % of the largest force, mm. A grain that is carried by less
+    /// tips and slides; it stores hardly any energy, whatever the speed, with which its motion could be compared.
+    #[serde(default)]
+    pub formed_mm: f64,
+    /// The largest kinetic over internal energy at the end of a stretch since.
     pub largest: f64,
     /// The approach at which it was so, mm.
     pub at_mm: f64,
     /// The part of the approach since then in which it was above 5 %.
     pub above_limit: f64,
+    /// Where it was above 5 % first and last, mm of approach.
+    #[serde(default)]
+    pub above_mm: Option<[f64; 2]>,
+    /// The largest force at which it was above 5 %, N.
+    #[serde(default)]
+    pub above_n: f64,
 }
 
 /// Kinetic over internal energy that still counts as quasi-static.
 pub const QUASI_STATIC: f64 = 0.05;
+/// A contact has formed when both plates carry this share of the largest force.
+const FORMED: f64 = 0.02;
 
-/// How much of the energy was motion after the first contact had formed between both plates.
+impl QuasiStatic {
+    /// What a person should know where the motion was above 5 %: where, at which forces, and what helps.
+    pub fn warning(&self) -> Option<String> {
+        let [from_mm, to_mm] = self.above_mm?;
+        Some(format!(
+            "not quasi-static between {:.2} and {:.2} µm of approach, at up to {:.3} N: after the first contact had formed (at \
+             {:.2} µm) the kinetic energy was above 5 % of the internal one over {:.1} % of the approach, and reached {:.1} % at \
+             {:.2} µm; use a lower --speed",
+            1e3 * from_mm,
+            1e3 * to_mm,
+            self.above_n,
+            1e3 * self.formed_mm,
+            100.0 * self.above_limit,
+            100.0 * self.largest,
+            1e3 * self.at_mm
+        ))
+    }
+}
+
+/// How much of the energy was motion after the first contact had formed between both plates; none where it has not yet.
 pub fn quasi_static(samples: &[Sample]) -> Option<QuasiStatic> {
-    let first = samples.iter().position(|s| s.lower_n[2] > 0.0 && s.upper_n[2] < 0.0)?;
+    let largest_n = samples.iter().map(|s| s.force_n).fold(0.0, f64::max);
+    let formed = |s: &Sample| s.lower_n[2].min(-s.upper_n[2]) >= FORMED * largest_n && largest_n > 0.0;
+    let after = &samples[samples.iter().position(formed)?..];
     let of = |s: &Sample| s.energy.kinetic / s.energy.internal();
-    let after = &samples[first..];
     let worst = after.iter().max_by(|a, b| of(a).total_cmp(&of(b)))?;
     let (mut above, mut all) = (0.0, 0.0);
     for w in after.windows(2) {
@@ -144,12 +176,20 @@ pub fn quasi_static(samples: &[Sample]) -> Option<QuasiStatic> {
             above += by;
         }
     }
-    let above_limit = if all > 0.0 { above / all } else { 0.0 };
-    Some(QuasiStatic { largest: of(worst), at_mm: worst.approach_mm, above_limit })
+    let fast: Vec<&Sample> = after.iter().filter(|s| of(s) > QUASI_STATIC).collect();
+    Some(QuasiStatic {
+        formed_mm: after[0].approach_mm,
+        largest: of(worst),
+        at_mm: worst.approach_mm,
+        above_limit: if all > 0.0 { above / all } else { 0.0 },
+        above_mm: fast.first().zip(fast.last()).map(|(a, b)| [a.approach_mm, b.approach_mm]),
+        above_n: fast.iter().map(|s| s.force_n).fold(0.0, f64::max),
+    })
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::Energy;
     use super::*;
 
     fn hertzian(origin_mm: f64, radius_mm: f64) -> Vec<CurvePoint> {
@@ -184,6 +224,41 @@ mod tests {
         assert_eq!(at(&[[0.0, 0.0], [0.02, 3.0], [0.03, 0.5], [0.05, 4.5]]), Some(0.03 + 0.02 * 1.5 / 4.0));
         assert_eq!(at(&[[0.0, 0.0], [0.1, 1.9]]), None);
         assert_eq!(at(&[]), None);
+    }
+
+    #[test]
+    fn motion_counts_since_a_contact_has_formed_and_is_told_with_its_range() {
+        let sample = |um: f64, force_n: f64, kinetic: f64| Sample {
+            time_s: 0.0,
+            steps: 0,
+            approach_mm: 1e-3 * um,
+            force_n,
+            lower_n: [0.0, 0.0, force_n],
+            upper_n: [0.0, 0.0, -force_n],
+            energy: Energy { kinetic, stored: 1.0, ..Energy::default() },
+            rotation_rad: [0.0; 3],
+            touches: Vec::new(),
+            step_s: 1e-9,
+            speed_mm_s: 1.0,
+        };
+        // The grain tips for 2 µm, then carries; at 4 µm it slips.
+        let mut samples = vec![
+            sample(1.0, 0.01, 9.0),
+            sample(2.0, 0.1, 9.0),
+            sample(3.0, 0.3, 0.04),
+            sample(5.0, 10.0, 0.01),
+        ];
+        let calm = quasi_static(&samples).unwrap();
+        assert!((calm.formed_mm - 0.003).abs() < 1e-12 && (calm.largest - 0.04).abs() < 1e-12, "{calm:?}");
+        assert_eq!((calm.above_mm, calm.warning()), (None, None));
+        samples.insert(3, sample(4.0, 0.1, 0.2));
+        let slipped = quasi_static(&samples).unwrap();
+        assert_eq!((slipped.above_mm, slipped.above_limit), (Some([0.004, 0.004]), 0.5));
+        let said = slipped.warning().unwrap();
+        for part in ["4.00 and 4.00 µm", "0.100 N", "3.00 µm", "50.0 %", "20.0 %", "--speed"] {
+            assert!(said.contains(part), "{said}");
+        }
+        assert_eq!(quasi_static(&[]), None);
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! `grainrig compress` as a user runs it.
 
+use crate::bodies::ball;
 use grainrig::contact::experiment::{Compliance, read};
+use grainrig::geometry::TriangleMesh;
 use serde_json::Value;
 use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
@@ -118,28 +120,104 @@ fn a_killed_compression_goes_on_to_the_same_bits() {
     }
 }
 
+/// Bodies with which something is wrong, as files.
+fn bad_bodies(folder: &Path) {
+    let write = |name: &str, text: &[u8]| std::fs::write(folder.join(name), text).unwrap();
+    let ball = ball(0.4, 4.0).surface().triangles;
+    let stl = |name: &str, by: f64, change: &dyn Fn(&mut TriangleMesh)| {
+        let mut surface = ball.clone();
+        surface.vertices.iter_mut().for_each(|p| p.coords *= by);
+        change(&mut surface);
+        let mut bytes = Vec::new();
+        grainrig::export::stl::write(&surface, &mut bytes).unwrap();
+        write(name, &bytes);
+        bytes
+    };
+    stl("metres.stl", 1e-3, &|_| ());
+    stl("open.stl", 1.0, &|s| s.triangles.truncate(s.triangles.len() - 1));
+    let mut odd = stl("inwards.stl", 1.0, &|s| s.triangles.iter_mut().for_each(|t| t.swap(1, 2)));
+    // The first corner of the first triangle, behind the header, the count and the normal.
+    odd[96..100].copy_from_slice(&f32::NAN.to_le_bytes());
+    write("nan.stl", &odd);
+    let deck = |name: &str, last: &str, tets: &str| {
+        let nodes = "1, 0, 0, 0\n2, .5, 0, 0\n3, 0, .5, 0\n4, 0, 0, .5\n";
+        write(name, format!("*NODE\n{nodes}{last}\n*ELEMENT, TYPE=C3D4\n{tets}\n").as_bytes());
+    };
+    deck("inverted.inp", "5, .5, .5, .5", "1, 1, 3, 2, 4\n2, 2, 3, 4, 5");
+    deck("nan.inp", "5, nan, 0, 0", "1, 1, 2, 3, 4\n2, 2, 3, 4, 5");
+    let far = "5, 2, 0, 0\n6, 2.5, 0, 0\n7, 2, .5, 0\n8, 2, 0, .5";
+    deck("detached.inp", far, "1, 1, 2, 3, 4\n2, 5, 6, 7, 8");
+    write("no.inp", b"hello\n");
+}
+
+#[test]
+fn a_surface_that_is_inside_out_is_turned_and_that_is_said() {
+    let folder = TempDir::new().unwrap();
+    bad_bodies(folder.path());
+    let small = ["--size-mm", "0.15", "--size-at-contact-mm", "0.1", "--to-force-n", "1", "--out", "s"];
+    let out = grainrig(&folder).arg("inwards.stl").args(small).output().unwrap();
+    let said = String::from_utf8_lossy(&out.stderr);
+    assert!(out.status.success() && said.contains("inwards.stl: it was inside out"), "{said}");
+}
+
 #[test]
 fn what_cannot_be_compressed_is_refused_with_what_to_do() {
     let folder = TempDir::new().unwrap();
+    bad_bodies(folder.path());
     std::fs::write(folder.path().join("no.stl"), b"this is no mesh").unwrap();
     std::fs::write(folder.path().join("odd.csv"), "Zeit,Weg\n(s),(mm)\n1,2\n3,4\n").unwrap();
     let ball = "--sphere-diameter-mm";
     for (args, code, needed) in [
-        (vec![ball, "0.8", "--poisson", "0.5"], 2, "poisson"),
-        (vec![ball, "0.8", "--material", "plastic", "--yield-mpa", "0"], 2, "yield_mpa"),
-        (vec![ball, "-1"], 2, "must be positive"),
-        (vec![ball, "0.0008"], 1, "metres"),
+        (
+            vec![ball, "0.8", "--poisson", "0.5"],
+            2,
+            "poisson = 0.5: it must be above -1 and below 0.495; quartz has about 0.22",
+        ),
+        (vec![ball, "0.8", "--poisson", "nan"], 2, "poisson = NaN: it must be above -1"),
+        (
+            vec![ball, "0.8", "--material", "plastic", "--yield-mpa", "0"],
+            2,
+            "yield_mpa = 0 MPa: it must be positive and finite; leave it out",
+        ),
+        (vec![ball, "-1"], 2, "--sphere-diameter-mm -1: it must be positive, in mm"),
+        (
+            vec![ball, "0.0008"],
+            1,
+            "e-4 mm long, which is no grain's size (0.02 to 100 mm): the file's numbers seem to be metres",
+        ),
+        (vec!["metres.stl"], 1, "metres.stl: the body is"),
+        (vec!["metres.stl"], 1, "seem to be metres; scale them to mm"),
+        (vec!["open.stl"], 1, "open.stl: the surface does not bound a solid: the edge from vertex"),
+        (vec!["open.stl"], 1, "close it"),
+        (
+            vec!["nan.stl"],
+            1,
+            "nan.stl: this is not a usable STL file: triangle 0 has a coordinate that is not a finite number",
+        ),
+        (
+            vec!["inverted.inp"],
+            1,
+            "inverted.inp: the mesh cannot be compressed: tetrahedron 0 has a volume of -",
+        ),
+        (vec!["inverted.inp"], 1, "mm³; mesh the body again, or repair the file's elements"),
+        (
+            vec!["detached.inp"],
+            1,
+            "detached.inp: the mesh has 2 pieces that share no node (the smaller ones have 1 of 2 tetrahedra)",
+        ),
+        (vec!["nan.inp"], 1, "nan.inp: the mesh cannot be compressed: node 4 is not finite"),
+        (vec!["no.inp"], 1, "no.inp: this is not a usable Abaqus file: it has no tetrahedron"),
         (
             vec![ball, "0.8", "--size-mm", "0.2", "--size-at-contact-mm", "0.1", "--time-step-s", "1e-6"],
             2,
-            "above the stable one",
+            "a time step of 1.000e-6 s is above the stable one of",
         ),
         (
             vec![ball, "0.8", "--friction", "-0.1", "--size-mm", "0.2", "--size-at-contact-mm", "0.1"],
             2,
             "friction",
         ),
-        (vec!["no.stl"], 1, "STL"),
+        (vec!["no.stl"], 1, "no.stl: this is not a usable STL file"),
         (vec!["missing.stl"], 1, "cannot read"),
         (vec![ball, "0.8", "--experiment", "odd.csv"], 1, "Zeit,Weg"),
         (vec!["--resume", "nowhere"], 1, "no compression to go on with"),

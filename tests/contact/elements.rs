@@ -150,6 +150,34 @@ fn a_ball_in_flight_keeps_momentum_spin_and_energy() {
 }
 
 #[test]
+fn damping_takes_ringing_and_a_twentieth_from_flight_and_turning() {
+    let body = Body::new(&ball(0.5, 3.0), &elastic()).unwrap();
+    let mut d = Dynamics::new(&body);
+    d.damping_per_s = 1e6;
+    let dt = 0.8 * d.stable_step_s(&body);
+    let rest = d.places().to_vec();
+    let v = rest.iter().map(|p| [100.0 - 4e3 * p[1], 4e3 * p[0], 50.0 + 5e3 * p[2]]).collect();
+    d.set(rest, v);
+    let start = d.motion(&body);
+    d.step(&body, &mut far(), [0.0; 2], 1e-15).unwrap();
+    let began = d.energy(&body).kinetic;
+    let steps = (4e-6 / dt).ceil();
+    for _ in 0..steps as usize {
+        d.step(&body, &mut far(), [0.0; 2], dt).unwrap();
+    }
+    let end = d.motion(&body);
+    let kept = (-0.05 * d.damping_per_s * steps * dt).exp();
+    assert!((end.momentum_n_s[0] / start.momentum_n_s[0] / kept - 1.0).abs() < 1e-3);
+    assert!((end.spin_n_mm_s[2] / start.spin_n_mm_s[2] / kept - 1.0).abs() < 1e-3);
+    // Of the ringing e⁻⁴ of its energy is left; the rest of what moves is flight and turning.
+    let e = d.energy(&body);
+    assert!(e.stored < 0.05 * body.mass_t() * 5e3f64.powi(2) * 0.5f64.powi(2) / 10.0, "{e:?}");
+    // Nothing but the start put energy in: what damping took is what is gone.
+    let now = e.kinetic + e.stored + e.viscous + e.damping;
+    assert!((now / began - 1.0).abs() < 1e-3, "{now} {began}");
+}
+
+#[test]
 fn the_stable_step_is_where_central_differences_begin_to_grow() {
     let body = Body::new(&ball(0.5, 3.0), &elastic()).unwrap();
     let fresh = Dynamics::new(&body);

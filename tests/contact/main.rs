@@ -3,8 +3,10 @@
 mod bodies;
 mod calculix;
 mod command;
+mod decks;
 mod elements;
 mod grain;
 mod killed;
+mod plastic;
 mod press;
 mod sphere;

@@ -1,7 +1,7 @@
 //! A compression as a whole: the same on any number of threads, resumed as uninterrupted, and what is refused.
 
 use crate::bodies::{ball, block};
-use grainrig::contact::{ContactError, Loading, Material, Plate, Press, StateError};
+use grainrig::contact::{ContactError, Loading, Material, Plate, Press, Sample, StateError};
 use grainrig::geometry::Point;
 use grainrig::mesh::TetMesh;
 use nalgebra::Rotation3;
@@ -81,6 +81,35 @@ fn a_block_on_an_edge_turns_until_it_lies_and_its_contacts_are_followed() {
     let carried: f64 = last.touches.iter().map(|t| t.force_n).sum();
     assert!((carried / (2.0 * last.force_n) - 1.0).abs() < 0.1, "{carried} {}", last.force_n);
     assert!(last.energy.balance_error().abs() < 0.01, "{:?}", last.energy);
+}
+
+#[test]
+fn tipping_costs_no_force_at_any_speed() {
+    // A bar that leans by a degree is a mechanism until it lies flat, 10.5 µm further: only its inertia and the little damping of
+    // its motion as a whole resist.
+    let mesh = block([0.6, 0.4, 0.3], [6, 4, 3]);
+    let tilt = Rotation3::from_euler_angles(0.0, f64::to_radians(1.0), 0.0);
+    let middle = Point::new(0.3, 0.2, 0.15);
+    let nodes: Vec<Point> = mesh.nodes.iter().map(|p| Point::from(tilt * (p - middle))).collect();
+    let low = nodes.iter().map(|p| p.z).fold(f64::INFINITY, f64::min);
+    let leaning = TetMesh::new(nodes, mesh.tets);
+    let way_mm = 0.6 * f64::to_radians(1.0).sin() - 0.3 * (1.0 - f64::to_radians(1.0).cos());
+    let pressed = |speed: f64| {
+        let loading = Loading { to_force_n: Some(200.0), slowest: speed * 4e-6, ..Loading::default() };
+        let press = Press::new(&leaning, &Material::default(), 0.0, -2.0 * low, 0.2, &loading).unwrap();
+        run(press, usize::MAX).samples().to_vec()
+    };
+    let at = |samples: &[Sample], force: f64| {
+        samples.iter().find(|s| s.force_n > force).map_or(f64::NAN, |s| s.approach_mm)
+    };
+    let (slow, fast) = (pressed(2.0), pressed(6.0));
+    for samples in [&slow, &fast] {
+        let most =
+            (samples.iter().filter(|s| s.approach_mm < 0.95 * way_mm)).map(|s| s.force_n).fold(0.0, f64::max);
+        println!("tipping: at most {most:.3} N; 20 N at {:.3} um", 1e3 * at(samples, 20.0));
+        assert!(most < 0.05, "{most}");
+    }
+    assert!((at(&slow, 20.0) - at(&fast, 20.0)).abs() < 0.02 * way_mm);
 }
 
 #[test]

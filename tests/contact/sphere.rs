@@ -1,11 +1,10 @@
-//! Spheres between plates against closed forms.
+//! Elastic spheres between plates against the two-plate form.
 //!
-//! `GRAINRIG_CONTACT=1 cargo test --release --test contact -- --nocapture` computes the whole table of refinements, which takes
-//! about twenty minutes on two cores; else one coarse mesh of each kind is pressed.
+//! `GRAINRIG_CONTACT=1 cargo test --release --test contact sphere bead -- --nocapture` computes the whole tables of refinements;
+//! else one mesh of each sphere is pressed.
 
 use crate::bodies::graded_ball;
-use grainrig::contact::{Loading, Material, Press, hertz};
-use std::f64::consts::PI;
+use grainrig::contact::{Loading, Material, Press, QUASI_STATIC, hertz};
 
 /// Whether the long tests are asked for.
 pub fn long() -> bool {
@@ -14,7 +13,7 @@ pub fn long() -> bool {
 
 /// Presses a ball to an approach of each plate (mm), without friction: the approach of one plate, the force, and the contacts'
 /// mean area at each sample.
-fn pressed(
+pub fn pressed(
     material: &Material,
     radius: f64,
     [at_contact, elsewhere]: [f64; 2],
@@ -44,15 +43,52 @@ fn force_at(curve: &[[f64; 3]], delta: f64) -> f64 {
     (at(&w[0]) + part * (at(&w[1]) - at(&w[0]))) * delta.powf(1.5)
 }
 
-/// Forces over the two-plate form at these approaches of one plate.
-fn over_form(material: &Material, radius: f64, curve: &[[f64; 3]], deltas: &[f64]) -> Vec<f64> {
-    deltas.iter().map(|d| force_at(curve, *d) / hertz::two_plate_force_n(material, radius, *d)).collect()
+/// One row of a table: sizes at the contacts and elsewhere, and the approach of each plate to which it is pressed, mm. The finer
+/// the elements, the smaller the contact that they are needed for.
+struct Row {
+    sizes: [f64; 2],
+    to: f64,
 }
 
+/// Presses a sphere with each mesh and holds the forces against the two-plate form at these approaches of one plate (mm): 2 %
+/// up to 15 µm, 4 % beyond, where finite strain begins to count. What each row is off at the approaches that it reaches.
+fn table(name: &str, material: &Material, radius: f64, deltas: &[f64], rows: &[Row]) -> Vec<Vec<f64>> {
+    rows.iter()
+        .map(|row| {
+            let (press, curve) = pressed(material, radius, row.sizes, row.to);
+            check_balance(&press);
+            let ratios: Vec<f64> = (deltas.iter().filter(|d| **d < row.to))
+                .map(|d| force_at(&curve, *d) / hertz::two_plate_force_n(material, radius, *d))
+                .collect();
+            println!(
+                "{name}, {:4.1} um at the contacts, {:6} elements, {:6} steps, force over the form: {}",
+                1e3 * row.sizes[0],
+                press.body().elements(),
+                press.dynamics().steps,
+                ratios.iter().map(|r| format!("{r:.4}")).collect::<Vec<_>>().join(" ")
+            );
+            ratios.iter().map(|r| r - 1.0).collect()
+        })
+        .collect()
+}
+
+fn check_within(deltas: &[f64], off: &[f64]) {
+    for (delta, off) in deltas.iter().zip(off) {
+        let limit = if *delta < 0.0151 { 0.02 } else { 0.04 };
+        assert!(off.abs() < limit, "{off} at {delta} mm");
+    }
+}
+
+/// Balance, and motion at every sample since the first contact had formed, not only at the last.
 fn check_balance(press: &Press) {
-    let e = press.samples().last().unwrap().energy;
+    let samples = press.samples();
+    let e = samples.last().unwrap().energy;
     assert!(e.balance_error().abs() < 0.01, "{e:?}");
-    assert!(e.kinetic < 0.05 * e.internal(), "{e:?}");
+    let formed = samples.iter().position(|s| s.force_n > 0.02 * samples.last().unwrap().force_n).unwrap();
+    for s in &samples[formed..] {
+        let share = s.energy.kinetic / s.energy.internal();
+        assert!(share < QUASI_STATIC, "{share} at {} mm, {} N", s.approach_mm, s.force_n);
+    }
     assert!(press.overclosure_mm() < 1e-9, "{}", press.overclosure_mm());
 }
 
@@ -60,99 +96,55 @@ fn check_balance(press: &Press) {
 fn a_sphere_is_pressed_as_the_two_plate_form_says() {
     let (radius, material) = (0.4075, Material::default());
     let deltas = [0.003, 0.005, 0.010, 0.015, 0.030];
-    let meshes: &[[f64; 2]] = if long() {
-        &[[0.016, 0.06], [0.011, 0.06], [0.008, 0.05], [0.0055, 0.05]]
+    let rows: &[Row] = if long() {
+        &[
+            Row { sizes: [0.016, 0.08], to: 0.0302 },
+            Row { sizes: [0.011, 0.08], to: 0.0302 },
+            Row { sizes: [0.008, 0.08], to: 0.0152 },
+            Row { sizes: [0.0055, 0.08], to: 0.0052 },
+        ]
     } else {
-        &[[0.012, 0.08]]
+        &[Row { sizes: [0.012, 0.08], to: 0.0302 }]
     };
-    let mut rows = Vec::new();
-    for sizes in meshes {
-        let (press, curve) = pressed(&material, radius, *sizes, 0.0302);
-        check_balance(&press);
-        let ratios = over_form(&material, radius, &curve, &deltas);
-        println!(
-            "at contact {:5.1} um, {:7} elements, {:6} steps: {}",
-            1e3 * sizes[0],
-            press.body().elements(),
-            press.dynamics().steps,
-            ratios.iter().map(|r| format!("{r:.4}")).collect::<Vec<_>>().join(" ")
-        );
-        rows.push(ratios);
-    }
-    let best = rows.last().unwrap();
+    let off = table("sphere of 0.815 mm", &material, radius, &deltas, rows);
     if long() {
-        assert!(best[..4].iter().all(|r| (r - 1.0).abs() < 0.02) && (best[4] - 1.0).abs() < 0.04, "{best:?}");
-        // Where finite strain does not count yet the error falls with the size of the elements.
-        let off: Vec<f64> = rows.iter().map(|r| (r[0] - 1.0).abs()).collect();
-        assert!(off[0] > off[1] && off[1] > off[3], "{off:?}");
+        off[1..].iter().for_each(|off| check_within(&deltas, off));
+        // The smallest contacts are those that the elements hardly resolve: there the error falls with them.
+        let worst: Vec<f64> = off.iter().map(|row| row[0].abs().max(row[1].abs())).collect();
+        assert!(worst.windows(2).all(|w| w[1] < w[0]), "{worst:?}");
     } else {
-        assert!(best.iter().all(|r| (r - 1.0).abs() < 0.05), "{best:?}");
+        check_within(&deltas, &off[0]);
     }
     // The slope of log F against the form's, over the decade of approach.
+    let whole = &off[usize::from(long())];
     let forms = deltas.map(|d| hertz::two_plate_force_n(&material, radius, d));
-    let slope = 1.0 + (best[4] / best[0]).ln() / (forms[4] / forms[0]).ln();
+    let slope = 1.0 + ((1.0 + whole[4]) / (1.0 + whole[0])).ln() / (forms[4] / forms[0]).ln();
     println!("log slope {slope:.4}");
     assert!((slope - 1.0).abs() < 0.02, "{slope}");
 }
 
 #[test]
 fn a_glass_bead_is_pressed_as_the_two_plate_form_says() {
-    if !long() {
-        println!("skipped: set GRAINRIG_CONTACT=1");
-        return;
-    }
     let (radius, material) = (1.075, Material { young_mpa: 63e3, ..Material::default() });
-    let deltas = [0.008, 0.013, 0.026, 0.040, 0.079];
-    let (press, curve) = pressed(&material, radius, [0.020, 0.14], 0.0795);
-    check_balance(&press);
-    let ratios = over_form(&material, radius, &curve, &deltas);
-    println!("glass bead, {} elements: {ratios:.4?}", press.body().elements());
-    assert!(
-        ratios[..4].iter().all(|r| (r - 1.0).abs() < 0.02) && (ratios[4] - 1.0).abs() < 0.04,
-        "{ratios:?}"
-    );
-}
-
-#[test]
-fn a_plastic_sphere_carries_tabors_pressure_and_does_not_lock() {
-    let (radius, yield_mpa) = (0.4075, 100.0);
-    let material = Material { yield_mpa: Some(yield_mpa), ..Material::default() };
-    let meshes: &[[f64; 2]] = if long() { &[[0.010, 0.07], [0.007, 0.06]] } else { &[[0.012, 0.10]] };
-    for sizes in meshes {
-        let (press, curve) = pressed(&material, radius, *sizes, 0.0045);
-        let e = press.samples().last().unwrap().energy;
-        assert!(e.balance_error().abs() < 0.01, "{e:?}");
-        assert!(e.plastic > 0.5 * e.internal());
-        // Fully plastic where E* a / (Y R) is above 100; beyond a = R/6 the pressure falls again, because a sphere is no
-        // half-space (Jackson and Green 2005).
-        let (mut count, mut sum) = (0.0, 0.0);
-        for [_, force, area] in &curve {
-            let a = (area / PI).sqrt();
-            if material.contact_modulus_mpa() * a > 100.0 * yield_mpa * radius && a < radius / 6.0 {
-                count += 1.0;
-                sum += force / area / yield_mpa;
-            }
-        }
-        let mean = sum / count;
-        println!(
-            "at contact {:4.1} um, {} elements: mean pressure {mean:.3} Y over {count} samples, F/(2 pi R delta Y) {:.3}",
-            1e3 * sizes[0],
-            press.body().elements(),
-            curve.last().map_or(0.0, |c| c[1] / (2.0 * PI * radius * c[0] * yield_mpa))
-        );
-        assert!(count > 3.0 && (2.6..=3.1).contains(&mean), "{mean} Y over {count}");
+    let deltas = [0.003, 0.005, 0.010, 0.015, 0.030];
+    let rows: &[Row] = if long() {
+        &[
+            Row { sizes: [0.030, 0.21], to: 0.0302 },
+            Row { sizes: [0.022, 0.21], to: 0.0302 },
+            Row { sizes: [0.015, 0.21], to: 0.0152 },
+            Row { sizes: [0.011, 0.21], to: 0.0052 },
+        ]
+    } else {
+        &[Row { sizes: [0.015, 0.25], to: 0.0052 }]
+    };
+    let off = table("glass bead of 2.15 mm", &material, radius, &deltas, rows);
+    // Against its size this bead is pressed least: only the finer elements resolve its smallest contacts.
+    if long() {
+        check_within(&deltas[2..], &off[1][2..]);
     }
-}
-
-#[test]
-fn yield_begins_where_johnson_says() {
-    // With 6 GPa first yield comes at 69 N, where the contact is 58 um wide: wide enough to be resolved.
-    let (radius, yield_mpa) = (0.4075, 6000.0);
-    let material = Material { yield_mpa: Some(yield_mpa), ..Material::default() };
-    let onset = hertz::yield_force_n(&material, radius, yield_mpa);
-    let sizes = if long() { [0.007, 0.06] } else { [0.012, 0.10] };
-    let (press, curve) = pressed(&material, radius, sizes, 0.0105);
-    let first = press.samples().iter().position(|s| s.energy.plastic > 1e-5 * s.energy.external).unwrap();
-    println!("first yield at {:.2} N, Johnson {onset:.2} N", curve[first][1]);
-    assert!((0.7..=1.4).contains(&(curve[first][1] / onset)), "{} {onset}", curve[first][1]);
+    off[2 * usize::from(long())..].iter().for_each(|off| check_within(&deltas, off));
+    if long() {
+        let worst: Vec<f64> = off.iter().map(|row| row[0].abs().max(row[1].abs())).collect();
+        assert!(worst.windows(2).all(|w| w[1] < w[0]), "{worst:?}");
+    }
 }

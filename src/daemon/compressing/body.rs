@@ -94,8 +94,11 @@ pub(super) fn placed(
             let vertices = surface.vertices.iter().map(|p| Point::from(turn * (p - center))).collect();
             let turned = TriangleMesh { vertices, triangles: surface.triangles.clone() };
             let diameter_mm = (6.0 * turned.volume_mm3().abs() / std::f64::consts::PI).cbrt();
+            // The plates begin where the surface is. A mesh has no node on its summits and ends lower: by a few tenths of a
+            // micrometre, other ones at each size of the elements, and a stiff grain has its first newtons in such a way.
+            let ends = reach(&turned.vertices);
             let solid = Solid::new(turned).map_err(DaemonError::Mesh)?;
-            Ok(between(meshed(&solid, diameter_mm, placing, told)?, &turn))
+            Ok(between(meshed(&solid, diameter_mm, placing, told)?, ends, &turn))
         }
         CompressInput::Mesh(given, _) => {
             given.check().map_err(crate::contact::ContactError::Mesh)?;
@@ -103,7 +106,9 @@ pub(super) fn placed(
             let center = surface_center(&surface.triangles);
             let turn = turn(&surface.triangles.vertices, &center, placing);
             let nodes = given.nodes.iter().map(|p| Point::from(turn * (p - center))).collect();
-            Ok(between(TetMesh::new(nodes, given.tets.clone()), &turn))
+            let mesh = TetMesh::new(nodes, given.tets.clone());
+            let ends = reach(&mesh.nodes);
+            Ok(between(mesh, ends, &turn))
         }
     }
 }
@@ -145,9 +150,8 @@ fn meshed(
     Ok(made)
 }
 
-/// Plates at the ends of the mesh.
-fn between(mesh: TetMesh, turn: &Rotation3<f64>) -> Placed {
-    let (low, high) = reach(&mesh.nodes);
+/// A mesh between plates at the lowest and the highest place of its body.
+fn between(mesh: TetMesh, (low, high): (f64, f64), turn: &Rotation3<f64>) -> Placed {
     let turned_deg = turn.scaled_axis().map(f64::to_degrees).into();
     Placed { mesh, middle_mm: 0.5 * (low + high), gap_mm: high - low, sphere_radius_mm: None, turned_deg }
 }

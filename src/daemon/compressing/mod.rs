@@ -221,15 +221,7 @@ impl Compression {
         let quasi = quasi_static(samples);
         let energy = samples.last().map(|s| s.energy).unwrap_or_default();
         let mut warnings = Vec::new();
-        if let Some(q) = quasi.filter(|q| q.largest > crate::contact::QUASI_STATIC) {
-            warnings.push(format!(
-                "not quasi-static everywhere: after the first contact the kinetic energy reached {:.1} % of the internal one (at \
-                 {:.2} µm of approach), and was above 5 % over {:.1} % of the approach since; use a lower --speed",
-                100.0 * q.largest,
-                1e3 * q.at_mm,
-                100.0 * q.above_limit
-            ));
-        }
+        warnings.extend(quasi.and_then(|q| q.warning()));
         if energy.balance_error().abs() > 0.01 {
             warnings.push(format!(
                 "the energy balance is off by {:.2} % of the plates' work: above 1 % the result is not to be trusted",
