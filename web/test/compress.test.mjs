@@ -61,7 +61,11 @@ test("a grain is compressed from the page and its curve and stresses are shown",
   await picture("compress-running-1280");
   await page.setViewportSize({ width: 360, height: 780 });
   await fits();
-  const cut = await page.evaluate(() => [...document.querySelectorAll(".press .facts dd")].filter((dd) => dd.scrollWidth > dd.clientWidth).map((dd) => dd.textContent));
+  const cut = await page.evaluate(() => {
+    // As long as it gets within an hour, whatever this computer makes of it.
+    document.querySelector("#press-left").textContent = "59 min 59 s";
+    return [...document.querySelectorAll(".press .facts dd")].filter((dd) => dd.scrollWidth > dd.clientWidth).map((dd) => dd.textContent);
+  });
   assert.deepEqual(cut, [], "no figure runs into the next");
   await picture("compress-running-360");
   await page.setViewportSize({ width: 1280, height: 900 });
