@@ -89,7 +89,7 @@ mod tests {
     fn a_rigid_motion_is_found_and_a_stretch_has_none() {
         let mass: Vec<f64> = (0..3000).map(|i| 1.0 + 0.3 * f64::from(i % 7)).collect();
         let places: Vec<Node> = (0..3000)
-            .map(|i| f64::from(i))
+            .map(f64::from)
             .map(|i| [0.3 + (0.7 * i).sin(), 0.8 * (1.3 * i).cos(), 0.5 * (2.1 * i).sin() - 0.2])
             .collect();
         let (velocity, spin) = (Vector3::new(1.0, -2.0, 0.5), Vector3::new(0.3, 0.7, -1.1));
