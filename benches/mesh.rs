@@ -15,7 +15,7 @@ use common::{median_s, most_memory_mb, tell, views};
 use grainrig::export::{msh, stl};
 use grainrig::geometry::{ImplicitBody, TriangleMesh};
 use grainrig::hull::{VisualHull, find_bounds};
-use grainrig::mesh::{Controls, Quality, Solid, TetMesh, mesh};
+use grainrig::mesh::{Controls, Distances, Quality, Solid, TetMesh, mesh};
 use std::process::Command;
 
 /// How many numbers are sorted for the yardstick.
@@ -73,6 +73,12 @@ fn one(what: &str, body: &dyn ImplicitBody, controls: &Controls, sorting_one_s: 
     let rate = format!("{:.0} tets/s", tets as f64 / seconds);
     tell(what, &format!("{tets} tets"), seconds, &rate, ("sorting its faces", sorting));
     tell_quality(&made.quality());
+    let off = Distances::measure(body, &made, &[]).expect("a surface").to_body;
+    println!(
+        "{:<22} {:.2} % of the surface size off the body in the mean",
+        "",
+        100.0 * off.mean_mm / controls.surface_size_mm
+    );
 }
 
 fn tell_quality(q: &Quality) {
