@@ -279,8 +279,9 @@ fn voxels_become_a_mesh_of_their_volume() {
     assert!((made[0] / made[1] - 1.0).abs() < 0.005, "{made:?}");
 
     fs::write(at.join("grey.nrrd"), nrrd(9, "raw", mm, |r| (200.0 - 4.0 * r) as u8)).unwrap();
-    refused(at, &["mesh", "grey.nrrd"], 1, &["grey.nrrd", "many values", "--threshold"]);
+    refused(at, &["mesh", "grey.nrrd"], 1, &["grey.nrrd", "not just two, but from", "--threshold"]);
     refused(at, &["mesh", "grey.nrrd", "--threshold", "999"], 1, &["no voxel is above 999"]);
+    refused(at, &["mesh", "grey.nrrd", "--threshold", "nan"], 2, &["--threshold NaN", "finite"]);
     fs::write(at.join("inches.nrrd"), nrrd(9, "raw", &mm.replace("mm", "in"), |r| u8::from(r < 9.0)))
         .unwrap();
     refused(at, &["mesh", "inches.nrrd"], 1, &["its unit is `in`", "space units"]);

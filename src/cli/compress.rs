@@ -233,6 +233,12 @@ fn input(common: &Common, a: &Arguments) -> Result<(CompressInput, PathBuf)> {
         }
         return Ok((CompressInput::Mesh(mesh, path.display().to_string()), out(&name)));
     }
+    if path.is_file() {
+        return Err(usage(format!(
+            "{}: a body is read from .stl, .inp or .msh; `grainrig mesh` makes one of them from other files",
+            path.display()
+        )));
+    }
     let folder = super::session_folder(common, path)?;
     let recording = Recording::read(&folder)?;
     let product = recording.product_path("grain.stl")?;

@@ -107,6 +107,9 @@ pub(super) fn outwards(surface: TriangleMesh, path: &Path) -> Result<(Solid, boo
 /// Voxels: what is above the threshold is the body.
 fn voxels(path: &Path, unit: Unit, threshold: Option<f64>) -> Result<Input> {
     let name = || path.display().to_string();
+    if let Some(t) = threshold.filter(|t| !t.is_finite()) {
+        return Err(usage(format!("--threshold {t}: it must be a finite number, in the file's grey values")));
+    }
     let bytes = std::fs::read(path).with_context(|| format!("cannot read {}; check the path", name()))?;
     let volume = nrrd::read(&bytes).with_context(name)?;
     let in_mm = match volume.unit.as_deref() {
@@ -129,7 +132,7 @@ fn voxels(path: &Path, unit: Unit, threshold: Option<f64>) -> Result<Input> {
         let (low, high) = volume
             .samples()
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), s| (low.min(s), high.max(s)));
-        anyhow!("it has many values, from {low} to {high}: say with --threshold above which one the grain is")
+        anyhow!("its values are not just two, but from {low} to {high}: say with --threshold above which one the grain is")
     });
     let least = least.with_context(name)?;
     let inside: Vec<bool> = volume.samples().map(|s| s > least).collect();

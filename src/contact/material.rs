@@ -92,7 +92,13 @@ impl Material {
         if let Some(y) = self.yield_mpa
             && !positive(y)
         {
-            return bad("yield_mpa", y, "MPa", "positive and finite", "leave it out for an elastic material");
+            return bad(
+                "yield_mpa",
+                y,
+                "MPa",
+                "positive and finite",
+                "give the stress at which it flows, or take an elastic material",
+            );
         }
         if !(self.hardening_mpa >= 0.0 && self.hardening_mpa.is_finite()) {
             let remedy = "0 is perfect plasticity";

@@ -7,7 +7,7 @@ use super::ExportError;
 use super::numbers::Kind;
 use std::io::Read as _;
 
-/// The most voxels that are read: with what is made of them some 9 bytes each.
+/// The most voxels that are read: what is made of them takes some 9 bytes each, beside the file's own.
 const MOST_VOXELS: usize = 400_000_000;
 
 /// A volume of samples as the file has them.
@@ -109,6 +109,14 @@ pub fn read(file: &[u8]) -> Result<Volume, ExportError> {
             bytes.len().min(expected + 1),
             kind.size()
         )));
+    }
+    let bad_sample = bytes
+        .chunks_exact(kind.size())
+        .enumerate()
+        .filter_map(|(i, sample)| Some((i, kind.read(sample, big_endian)?)))
+        .find(|(_, sample)| !sample.is_finite());
+    if let Some((i, sample)) = bad_sample {
+        return Err(bad(format!("sample {i} is {sample}, not a finite number")));
     }
     let origin = field(&["space origin"]).map_or(Ok([0.0; 3]), vector)?;
     // Units of three axes, each in quotation marks.
@@ -240,6 +248,9 @@ mod tests {
             let said = read(&file(&good.replace(from, to), &[0, 1])).unwrap_err().to_string();
             assert!(said.contains(part), "{from} → {to}: {said}");
         }
+        let float = good.replace("uchar", "float").replace("sizes: 2", "endian: little\nsizes: 1");
+        let said = read(&file(&float, &f32::NAN.to_le_bytes())).unwrap_err().to_string();
+        assert!(said.contains("sample 0 is NaN"), "{said}");
         assert!(read(b"solid x\n\n").unwrap_err().to_string().contains("NRRD000"));
         assert!(read(b"NRRD0004\ntype: uchar").unwrap_err().to_string().contains("empty line"));
         // What unpacks to more than it says is not unpacked.
