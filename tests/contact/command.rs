@@ -177,7 +177,7 @@ fn what_cannot_be_compressed_is_refused_with_what_to_do() {
         (
             vec![ball, "0.8", "--material", "plastic", "--yield-mpa", "0"],
             2,
-            "yield_mpa = 0 MPa: it must be positive and finite; leave it out",
+            "yield_mpa = 0 MPa: it must be positive and finite; give the stress at which it flows, or take an elastic material",
         ),
         (vec![ball, "-1"], 2, "--sphere-diameter-mm -1: it must be positive, in mm"),
         (
@@ -219,6 +219,7 @@ fn what_cannot_be_compressed_is_refused_with_what_to_do() {
         ),
         (vec!["no.stl"], 1, "no.stl: this is not a usable STL file"),
         (vec!["missing.stl"], 1, "cannot read"),
+        (vec!["odd.csv"], 2, "odd.csv: a body is read from .stl, .inp or .msh; `grainrig mesh` makes one"),
         (vec![ball, "0.8", "--experiment", "odd.csv"], 1, "Zeit,Weg"),
         (vec!["--resume", "nowhere"], 1, "no compression to go on with"),
         (vec![], 2, "required"),
