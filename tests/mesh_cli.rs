@@ -278,6 +278,21 @@ fn voxels_become_a_mesh_of_their_volume() {
     }
     assert!((made[0] / made[1] - 1.0).abs() < 0.005, "{made:?}");
 
+    // Half a ball: the middle of the other half lies on the edge.
+    let whole = String::from_utf8_lossy(&grainrig(at, &["mesh", "a.nrrd"]).stderr).into_owned();
+    assert!(!whole.contains("edge"), "{whole}");
+    let (bytes, n) = (nrrd(25, "raw", mm, solid), 56);
+    let header = String::from_utf8_lossy(&bytes[..bytes.len() - n * n * n])
+        .replace(&format!("sizes: {n} {n} {n}"), &format!("sizes: {n} {n} {}", n / 2));
+    fs::write(at.join("half.nrrd"), [header.as_bytes(), &bytes[bytes.len() - n * n * n / 2..]].concat())
+        .unwrap();
+    let half = grainrig(at, &["mesh", "half.nrrd"]);
+    let said = String::from_utf8_lossy(&half.stderr);
+    assert!(
+        half.status.success() && said.contains("half.nrrd: the grain reaches the volume's edge at z = 0:"),
+        "{said}"
+    );
+
     fs::write(at.join("grey.nrrd"), nrrd(9, "raw", mm, |r| (200.0 - 4.0 * r) as u8)).unwrap();
     refused(at, &["mesh", "grey.nrrd"], 1, &["grey.nrrd", "not just two, but from", "--threshold"]);
     refused(at, &["mesh", "grey.nrrd", "--threshold", "999"], 1, &["no voxel is above 999"]);

@@ -144,6 +144,15 @@ fn voxels(path: &Path, unit: Unit, threshold: Option<f64>) -> Result<Input> {
     if volume_mm3 == 0.0 {
         return Err(anyhow!("no voxel is above {least}: give another --threshold")).with_context(name);
     }
+    let sides = sides_reached(&inside, size);
+    if !sides.is_empty() {
+        say(format!(
+            "warning: {}: the grain reaches the volume's edge at {}: it is cut off flat there; a volume with some of its \
+             surroundings on every side has all of it",
+            name(),
+            sides.join(", ")
+        ));
+    }
     let (box_mm, places) = (Vector::from(size.map(|n| n as f64)) * pitch_mm, body.places());
     Ok(Input { volume_mm3, what: "voxels", box_mm, places, turned: false, bytes, body: Box::new(body) })
 }
@@ -205,4 +214,22 @@ pub(super) fn check_output(path: &Path, input: &Path) -> Result<()> {
         )));
     }
     Ok(())
+}
+
+/// At which of the volume's sides there are voxels of the body.
+fn sides_reached(inside: &[bool], size: [usize; 3]) -> Vec<&'static str> {
+    const SIDES: [[&str; 2]; 3] = [["x = 0", "the last x"], ["y = 0", "the last y"], ["z = 0", "the last z"]];
+    let mut reached = [[false; 2]; 3];
+    for (i, _) in inside.iter().enumerate().filter(|(_, inside)| **inside) {
+        let at = [i % size[0], i / size[0] % size[1], i / size[0] / size[1]];
+        for k in 0..3 {
+            reached[k][0] |= at[k] == 0;
+            reached[k][1] |= at[k] + 1 == size[k];
+        }
+    }
+    SIDES
+        .iter()
+        .zip(reached)
+        .flat_map(|(names, is)| (0..2).filter(move |e| is[*e]).map(|e| names[e]))
+        .collect()
 }

@@ -179,7 +179,7 @@ fn warn(notes: &[String]) {
 }
 
 fn out_of_turn(reply: &Reply) -> Failure {
-    Failure::new(FailureKind::Transport, format!("a release was answered by {reply:?}"))
+    Failure::new(FailureKind::Transport, format!("the camera's process answered something else: {reply:?}"))
 }
 
 /// A serial number, or that there is none.
