@@ -66,7 +66,7 @@ fn main() {
             part("    before the shutter", |v| v.before - MOTION_S);
             part("    until the transfer", |v| v.noticed);
             part("    after the transfer", |v| v.after);
-            part("  kept behind the motion", |v| v.kept);
+            part("  kept behind motion", |v| v.kept);
         }
     }
 }
