@@ -4,10 +4,11 @@ mod kit;
 
 use grainrig::config::Config;
 use grainrig::daemon::{self, Watcher};
+use grainrig::geometry::Angle;
 use grainrig::pipeline::{Cameras, TurntableSettings};
 use grainrig::session::event::Happening;
 use grainrig::session::import::{ImportRequest, scan};
-use grainrig::session::{State, Store};
+use grainrig::session::{Manifest, State, Store};
 use kit::{Lab, MM_PER_PX, Ran, VIEWS, files, read};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -207,4 +208,28 @@ fn the_replay_takes_the_same_way_through_the_acquisition_as_the_rig() {
     let replayed = names.lock().unwrap().clone();
     assert_eq!(steps(&replayed), steps(&recorded));
     assert_eq!(steps(&recorded).len(), 2 * VIEWS + 3);
+}
+
+#[test]
+fn a_journal_in_which_each_view_was_kept_before_the_next_move_replays_to_the_same_bytes() {
+    let lab = captured();
+    let made = lab.recording("a");
+    let manifest = Manifest { name: "b".into(), ..made.manifest().clone() };
+    let mut session = Store::new(lab.path("data")).create(&manifest).unwrap();
+    let views = manifest.plan.views.len();
+    session.append(Happening::Started { session: "b".into(), views, already_captured: 0 }).unwrap();
+    session.append(Happening::Homed).unwrap();
+    for view in made.views() {
+        session.append(Happening::Moving { view: view.view, target_deg: view.commanded_deg }).unwrap();
+        let (reached, frame) = (Angle::from_deg(view.reached_deg), made.frame(view.view).unwrap());
+        session.record_frame(view.view, reached, &frame, None).unwrap();
+    }
+    session.append(Happening::AcquisitionComplete { views }).unwrap();
+    drop(session);
+    for _ in 0..2 {
+        lab.run(&["replay", "b"]).succeeds();
+        let (a, b) = (lab.products("a"), lab.products("b"));
+        assert_eq!((&a["grain.stl"], &a["grain.vtu"]), (&b["grain.stl"], &b["grain.vtu"]));
+    }
+    lab.assert_sound("b");
 }

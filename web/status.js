@@ -111,15 +111,18 @@ export function fold(before, event) {
       return { ...before, state: leaving("running") };
     case "moving":
       return { ...before, state: leaving("running"), view: event.view, angle_deg: event.target_deg };
-    case "captured":
+    case "captured": {
+      // A view is kept while the stage is on its way to a later one.
+      const there = before.view === null || before.view <= event.view;
       return {
         ...before,
         captured: before.captured + 1,
-        view: event.view,
-        angle_deg: event.reached_deg,
+        view: there ? event.view : before.view,
+        angle_deg: there ? event.reached_deg : before.angle_deg,
         remaining_s: event.remaining_s,
         last_frame: event.file,
       };
+    }
     case "paused":
       return { ...before, state: "paused" };
     case "resumed":

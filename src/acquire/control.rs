@@ -7,22 +7,26 @@ use std::time::Duration;
 /// Where a run stands.
 ///
 /// ```text
-///  Idle ──▶ Homing ──▶ Moving ──▶ Settling ──▶ Exposing ──▶ Storing ──▶ Complete
-///    │                   ▲ ▲                    │  ▲ │         │           ▲
-///    │                   │ │                    └──┘ bad picture,          │
-///    │                   │ └────────────────────────  taken again  next view, or the last
-///    └───────────────────│─────────────────────────────────────────────────┘ nothing missing
-///                        ▼
-///                      Paused        between any two of the above but Exposing and Storing, and back
+///  Idle ──▶ Homing ──▶ Moving ──▶ Storing ──▶ Settling ──▶ Exposing ──▶ Storing ──▶ Complete
+///    │                  ▲  ▲        │ the view before       │  │ ▲        the last     ▲
+///    │                  │  └────────┘ where it is refused    │  └─┘ bad picture,       │
+///    │                  └─────────────── next view ──────────┘      taken again        │
+///    └───────────────────────────── nothing missing ───────────────────────────────────┘
+///
+///                      Paused        between any two of the above but Storing and what is before it, and back
 ///
 ///  any of the above ──abort──▶ Aborted        any of the above ──error──▶ Failed
 /// ```
 ///
-/// A view of which every picture was no good suspends a run that is attended: it pauses, and goes on with this view.
-/// One that nobody attends fails. So it is with a camera that gives no picture, but that the run tries it again by
-/// itself after a while.
+/// The picture of a view is looked at and made durable while the stage turns to the next one; what becomes of it is
+/// waited for there (Storing names the view before), so it is known before the next exposure. Where it is refused
+/// the stage goes back and the view is taken again. The last view's picture is waited for where it was taken.
 ///
-/// A whole picture is stored before a run pauses or is aborted. Aborted and failed runs keep what is
+/// A view of which every picture was no good suspends a run that is attended: back at this view it pauses, and goes on
+/// with it. One that nobody attends fails. So it is with a camera that gives no picture, but that the run tries it again
+/// by itself after a while.
+///
+/// A whole picture is stored before a run pauses, is aborted or fails. Aborted and failed runs keep what is
 /// captured; a new run goes on with the missing views, from Idle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(tag = "phase", rename_all = "snake_case")]
@@ -49,7 +53,7 @@ pub enum Phase {
         /// Pictures of this view that were bad.
         bad: u32,
     },
-    /// The picture is made durable.
+    /// A picture is looked at and made durable.
     Storing {
         /// The view's index.
         view: usize,

@@ -1,7 +1,7 @@
 //! The acquisition: from a plan to durable pictures.
 //!
 //! [`PlanSettings::check`] makes the plan, [`run()`] carries it out on any stage and camera, a [`FrameSink`]
-//! refuses what is no use and keeps the rest, a [`Control`] pauses, resumes and aborts.
+//! refuses what is no use and keeps the rest while the stage turns, a [`Control`] pauses, resumes and aborts.
 
 mod clock;
 mod control;
@@ -17,4 +17,4 @@ pub use error::{AcquireError, PlanError};
 pub use plan::PlanSettings;
 pub use quality::{AcquireSettings, QualityMode};
 pub use run::{Outcome, run};
-pub use sink::{Earlier, FrameSink, SessionSink};
+pub use sink::{Earlier, Fate, FrameSink, Judge, SessionSink};

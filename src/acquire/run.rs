@@ -3,7 +3,7 @@
 use super::clock::Clock;
 use super::control::{Control, Phase};
 use super::error::AcquireError;
-use super::sink::FrameSink;
+use super::sink::{Fate, FrameSink};
 use crate::geometry::Angle;
 use crate::rig::{Camera, Frame, RigError, RotationStage};
 use crate::session::event::Happening;
@@ -48,8 +48,11 @@ pub fn run(
         clock,
         missing: VecDeque::new(),
         size: None,
-        reached: Angle::default(),
-        frame: None,
+        stands: None,
+        held: None,
+        then: None,
+        bad: 0,
+        unfit: None,
         captured: 0,
         began: None,
         retry: None,
@@ -65,6 +68,9 @@ pub fn run(
         phase = match next {
             Ok(phase) => phase,
             Err(error) => {
+                // A picture in hand is kept whatever ends the run. Where it can't be, that is what ended it: it would
+                // have, had the stage waited.
+                let error = run.fate().err().unwrap_or(error);
                 // Where the disk is what failed, this cannot be journalled; the error still reaches the caller.
                 let _ = run.sink.event(Happening::Failed { error: error.to_string() });
                 control.enter(Phase::Failed);
@@ -72,6 +78,32 @@ pub fn run(
             }
         };
     }
+}
+
+/// A view that the stage stands at.
+struct Stands {
+    view: usize,
+    /// Where the stage says it is.
+    reached: Angle,
+    /// Since when nothing has moved.
+    since: Duration,
+}
+
+/// A picture on its way from the camera to the disk.
+struct Held<'a> {
+    view: &'a PlannedView,
+    reached: Angle,
+    size: Size,
+    /// Pictures of this view that were bad before it.
+    bad: u32,
+    /// The picture, until the sink has it.
+    frame: Option<Frame>,
+}
+
+/// Why a view is to be taken again.
+struct Refused {
+    view: usize,
+    cause: String,
 }
 
 struct Run<'a> {
@@ -85,10 +117,16 @@ struct Run<'a> {
     missing: VecDeque<&'a PlannedView>,
     /// Size of the pictures, from the first one on.
     size: Option<Size>,
-    /// Where the stage says it is.
-    reached: Angle,
-    /// The picture between camera and sink.
-    frame: Option<Frame>,
+    /// Where the stage stands, unless it is on its way.
+    stands: Option<Stands>,
+    /// The picture whose fate is not known yet.
+    held: Option<Held<'a>>,
+    /// The phase after [`Phase::Storing`]; the next view's where there is none.
+    then: Option<Phase>,
+    /// Pictures of the view at work that were bad.
+    bad: u32,
+    /// Why the run is to be suspended once the stage stands at the view at work.
+    unfit: Option<String>,
     /// Views captured by this run.
     captured: usize,
     /// When the first view began, moved on by the time that the run was paused since.
@@ -98,12 +136,17 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
-    /// Before each step: waits while the run is paused; `Some(Aborted)` where it was aborted. Not before
-    /// the first step: what begins the run is its first event. Not before a picture is stored: until then it
-    /// is only in memory.
+    /// Before each step: waits while the run is paused; `Some(Aborted)` where it was aborted. A picture in hand is
+    /// stored before either. Not before the first step: what begins the run is its first event.
     fn checkpoint(&mut self, phase: Phase) -> Result<Option<Phase>, AcquireError> {
         if matches!(phase, Phase::Idle | Phase::Storing { .. }) {
             return Ok(None);
+        }
+        if let Some(held) = &self.held
+            && (self.control.is_pausing() || self.control.is_aborting())
+        {
+            self.then = Some(phase);
+            return Ok(Some(Phase::Storing { view: held.view.index }));
         }
         if self.control.is_pausing() {
             let from = self.clock.now();
@@ -114,8 +157,12 @@ impl Run<'_> {
                 self.sink.event(Happening::Resumed)?;
                 self.control.enter(phase);
             }
-            let paused = self.clock.now().saturating_sub(from);
-            self.began = self.began.map(|t| t + paused);
+            let now = self.clock.now();
+            self.began = self.began.map(|t| t + now.saturating_sub(from));
+            // Somebody may have touched it.
+            if let Some(stands) = &mut self.stands {
+                stands.since = now;
+            }
         }
         if self.control.is_aborting() {
             self.sink.event(Happening::Aborted)?;
@@ -143,26 +190,39 @@ impl Run<'_> {
                 if let Some(planned) = self.missing.front() {
                     self.go_to(view, planned.angle_deg)?;
                 }
-                Phase::Settling { view }
+                let settling = Phase::Settling { view };
+                match &self.held {
+                    None => settling,
+                    Some(held) => {
+                        self.then = Some(settling);
+                        Phase::Storing { view: held.view.index }
+                    }
+                }
             }
             Phase::Settling { view } => {
-                self.clock.wait(Duration::from_millis(self.plan.settle_ms), self.control);
-                Phase::Exposing { view, bad: 0 }
+                let now = self.clock.now();
+                let rested = self.stands.as_ref().map_or(Duration::ZERO, |s| now.saturating_sub(s.since));
+                let settle = Duration::from_millis(self.plan.settle_ms);
+                self.clock.wait(settle.saturating_sub(rested), self.control);
+                Phase::Exposing { view, bad: self.bad }
             }
-            Phase::Exposing { view, bad } => self.expose(view, bad)?,
-            Phase::Storing { .. } => {
-                self.store()?;
-                self.next_view()?
-            }
+            Phase::Exposing { view, bad } => match self.unfit.take() {
+                // Whoever watches mends it and lets the run go on: with this view, and all its tries.
+                Some(cause) => self.suspend(view, cause)?,
+                None => self.expose(view, bad)?,
+            },
+            Phase::Storing { .. } => self.store()?,
             Phase::Paused | Phase::Complete | Phase::Aborted | Phase::Failed => phase,
         })
     }
 
     fn next_view(&mut self) -> Result<Phase, AcquireError> {
         self.began.get_or_insert(self.clock.now());
-        match self.missing.front() {
-            Some(v) => Ok(Phase::Moving { view: v.index }),
-            None => self.complete(),
+        match (self.missing.front(), &self.held) {
+            (Some(v), _) => Ok(Phase::Moving { view: v.index }),
+            // Nowhere to go while the last picture is looked at.
+            (None, Some(held)) => Ok(Phase::Storing { view: held.view.index }),
+            (None, None) => self.complete(),
         }
     }
 
@@ -171,14 +231,19 @@ impl Run<'_> {
         Ok(Phase::Complete)
     }
 
+    /// Turns to a view; the picture before it is looked at and stored meanwhile. Its event comes first: the journal's
+    /// order does not depend on what takes longer.
     fn go_to(&mut self, view: usize, commanded_deg: f64) -> Result<(), AcquireError> {
         self.sink.event(Happening::Moving { view, target_deg: commanded_deg })?;
+        self.offer();
+        self.stands = None;
         let target = Angle::from_deg(commanded_deg);
-        self.reached = self.stage.move_to(target).map_err(|source| AcquireError::Stage { view, source })?;
-        let reached_deg = self.reached.deg();
+        let reached = self.stage.move_to(target).map_err(|source| AcquireError::Stage { view, source })?;
+        let reached_deg = reached.deg();
         let tolerance_deg = self.plan.tolerance_deg;
         // Written so that a reading which is no number is a miss.
         if (reached_deg - commanded_deg).abs() <= tolerance_deg {
+            self.stands = Some(Stands { view, reached, since: self.clock.now() });
             Ok(())
         } else {
             Err(AcquireError::Missed { view, commanded_deg, reached_deg, tolerance_deg })
@@ -193,61 +258,92 @@ impl Run<'_> {
         let (encoding, size) = match probe(&frame.bytes, self.size) {
             Ok(found) => found,
             Err(fault) => {
-                return match self.reject(view, bad, &fault.to_string())? {
-                    Some(again) => Ok(again),
-                    None => Err(AcquireError::BadFrames { view, tries: bad + 1, fault }),
-                };
+                let tries = self.reject(view, bad, &fault.to_string())?;
+                if tries > self.plan.retakes {
+                    return Err(AcquireError::BadFrames { view, tries, fault });
+                }
+                return Ok(Phase::Exposing { view, bad: tries });
             }
         };
         // What the bytes are counts, not what the driver takes them for.
         frame.encoding = encoding;
-        if let Some(planned) = self.missing.front()
-            && let Err(cause) = self.sink.examine(planned, self.reached, &frame)
-        {
-            return match self.reject(view, bad, &cause)? {
-                Some(again) => Ok(again),
-                None if self.control.is_attended() => {
-                    // Whoever watches mends it and lets the run go on: with this view, and all its tries.
-                    self.sink.event(Happening::Suspended { view, cause })?;
-                    self.control.pause();
-                    Ok(Phase::Exposing { view, bad: 0 })
-                }
-                None => Err(AcquireError::Unfit { view, tries: bad + 1, cause }),
-            };
+        if let (Some(stands), Some(view)) = (&self.stands, self.missing.pop_front()) {
+            self.held = Some(Held { view, reached: stands.reached, size, bad, frame: Some(frame) });
         }
-        self.size = Some(size);
-        self.frame = Some(frame);
-        Ok(Phase::Storing { view })
+        self.next_view()
     }
 
     /// The camera gave no picture. A run that is attended waits until somebody lets it go on or it is time to try again.
     fn no_picture(&mut self, view: usize, source: RigError) -> Result<Phase, AcquireError> {
         match source {
             RigError::Suspended { retry, .. } if self.control.is_attended() => {
-                self.sink.event(Happening::Suspended { view, cause: source.to_string() })?;
-                self.control.pause();
                 self.retry = Some(retry);
-                Ok(Phase::Exposing { view, bad: 0 })
+                self.suspend(view, source.to_string())
             }
             source => Err(AcquireError::Camera { view, source }),
         }
     }
 
-    /// A picture is no use: journalled with its cause. The phase in which it is taken again, where it may be.
-    fn reject(&mut self, view: usize, bad: u32, cause: &str) -> Result<Option<Phase>, AcquireError> {
-        let tries = bad + 1;
-        self.sink.event(Happening::Rejected { view, tries: Some(tries), cause: cause.to_owned() })?;
-        Ok((bad < self.plan.retakes).then_some(Phase::Exposing { view, bad: tries }))
+    /// The run waits, and goes on with this view and all its tries.
+    fn suspend(&mut self, view: usize, cause: String) -> Result<Phase, AcquireError> {
+        self.sink.event(Happening::Suspended { view, cause })?;
+        self.control.pause();
+        self.bad = 0;
+        Ok(Phase::Exposing { view, bad: 0 })
     }
 
-    fn store(&mut self) -> Result<(), AcquireError> {
-        if let (Some(frame), Some(view)) = (self.frame.take(), self.missing.pop_front()) {
-            self.captured += 1;
+    /// A picture is no use: journalled with its cause. Pictures of this view so far.
+    fn reject(&mut self, view: usize, bad: u32, cause: &str) -> Result<u32, AcquireError> {
+        let tries = bad + 1;
+        self.sink.event(Happening::Rejected { view, tries: Some(tries), cause: cause.to_owned() })?;
+        Ok(tries)
+    }
+
+    /// Hands the picture in hand to the sink, unless it has it.
+    fn offer(&mut self) {
+        if let Some(held) = &mut self.held
+            && let Some(frame) = held.frame.take()
+        {
             let busy = self.began.map(|t| self.clock.now().saturating_sub(t).as_secs_f64());
-            let remaining_s = busy.map(|s| s / self.captured as f64 * self.missing.len() as f64);
-            self.sink.store(view, self.reached, frame, remaining_s)?;
-            self.camera.kept();
+            let remaining_s = busy.map(|s| s / (self.captured + 1) as f64 * self.missing.len() as f64);
+            self.sink.offer(held.view, held.reached, frame, remaining_s);
         }
-        Ok(())
+    }
+
+    /// Waits until the picture in hand, where there is one, is durable or refused.
+    fn fate(&mut self) -> Result<Option<Refused>, AcquireError> {
+        self.offer();
+        let Some(held) = self.held.take() else { return Ok(None) };
+        let view = held.view.index;
+        match self.sink.verdict()? {
+            Fate::Kept => {
+                self.captured += 1;
+                self.size = Some(held.size);
+                self.bad = 0;
+                self.camera.kept();
+                Ok(None)
+            }
+            Fate::Refused(cause) => {
+                self.missing.push_front(held.view);
+                self.bad = self.reject(view, held.bad, &cause)?;
+                Ok(Some(Refused { view, cause }))
+            }
+        }
+    }
+
+    /// Waits for the picture in hand. Where it is refused the stage goes back, and it is taken again.
+    fn store(&mut self) -> Result<Phase, AcquireError> {
+        let then = self.then.take();
+        let Some(Refused { view, cause }) = self.fate()? else {
+            return then.map_or_else(|| self.next_view(), Ok);
+        };
+        if self.bad > self.plan.retakes {
+            if !self.control.is_attended() {
+                return Err(AcquireError::Unfit { view, tries: self.bad, cause });
+            }
+            self.unfit = Some(cause);
+        }
+        let is_there = self.stands.as_ref().is_some_and(|s| s.view == view);
+        Ok(if is_there { Phase::Exposing { view, bad: self.bad } } else { Phase::Moving { view } })
     }
 }

@@ -5,7 +5,9 @@ use crate::rig::Frame;
 use crate::session::event::{CapturedView, Happening};
 use crate::session::picture::{Size, probe};
 use crate::session::{PlannedView, Session, SessionError};
+use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::{Scope, ScopedJoinHandle};
 
 /// What an earlier run has captured.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -16,6 +18,15 @@ pub struct Earlier {
     pub size: Option<Size>,
 }
 
+/// What becomes of a picture.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Fate {
+    /// It is durable.
+    Kept,
+    /// It is not kept and is to be taken again: value, unit, limit and remedy.
+    Refused(String),
+}
+
 /// Keeps a run's pictures and events.
 pub trait FrameSink {
     /// The run begins, or goes on: says so to whoever listens, and returns what an earlier run has captured.
@@ -23,24 +34,14 @@ pub trait FrameSink {
     /// # Errors
     /// [`SessionError`] where the sink cannot keep anything.
     fn begin(&mut self) -> Result<Earlier, SessionError>;
-    /// Looks at a whole picture before it is kept. Takes as long as finding the grain in it does.
+    /// Begins to look at a whole picture and to make it durable, which may go on behind while the stage turns. The
+    /// next thing that is asked of the sink is its [`verdict`](Self::verdict).
+    fn offer(&mut self, view: &PlannedView, reached: Angle, frame: Frame, remaining_s: Option<f64>);
+    /// Waits for what becomes of the picture that was offered.
     ///
     /// # Errors
-    /// Why it is to be taken again: value, unit, limit and remedy.
-    fn examine(&mut self, _view: &PlannedView, _reached: Angle, _frame: &Frame) -> Result<(), String> {
-        Ok(())
-    }
-    /// Makes a picture durable and passes it on.
-    ///
-    /// # Errors
-    /// [`SessionError`] where it is not durable.
-    fn store(
-        &mut self,
-        view: &PlannedView,
-        reached: Angle,
-        frame: Frame,
-        remaining_s: Option<f64>,
-    ) -> Result<(), SessionError>;
+    /// [`SessionError`] where it is good but not durable.
+    fn verdict(&mut self) -> Result<Fate, SessionError>;
     /// Something else happened.
     ///
     /// # Errors
@@ -48,42 +49,84 @@ pub trait FrameSink {
     fn event(&mut self, what: Happening) -> Result<(), SessionError>;
 }
 
-/// Looks at a picture before it is kept.
-type Examine<'a> = dyn FnMut(&PlannedView, Angle, &Frame) -> Result<(), String> + 'a;
+/// Looks at pictures before they are kept and takes those that are.
+pub trait Judge: Send {
+    /// Looks at a whole picture before it is kept.
+    ///
+    /// # Errors
+    /// Why it is to be taken again: value, unit, limit and remedy.
+    fn examine(&mut self, view: &PlannedView, reached: Angle, frame: &Frame) -> Result<(), String>;
+    /// A picture is durable and its verdict is told. This may block (a bounded channel): the session is not locked
+    /// meanwhile, and only the next picture waits.
+    fn kept(&mut self, view: CapturedView, frame: Frame);
+}
 
-/// Keeps pictures and events in a session and passes each durable picture on.
-pub struct SessionSink<'a, F> {
+/// A picture on its way to the thread that keeps it.
+struct Offered {
+    view: PlannedView,
+    reached: Angle,
+    frame: Frame,
+    remaining_s: Option<f64>,
+}
+
+/// Keeps pictures and events in a session. Pictures are judged and made durable on a thread of their own.
+pub struct SessionSink<'scope> {
     session: Arc<Mutex<Session>>,
-    forward: F,
-    examine: Option<Box<Examine<'a>>>,
+    offers: SyncSender<Offered>,
+    fates: Receiver<Result<Fate, SessionError>>,
+    /// Ends with `offers`.
+    keeper: Option<ScopedJoinHandle<'scope, ()>>,
+    /// A picture was offered of which nothing has been heard.
+    waits: bool,
 }
 
-impl<'a, F: FnMut(CapturedView, Frame)> SessionSink<'a, F> {
-    /// A sink into `session`; `forward` gets each picture once it is durable. It may block (a bounded
-    /// channel): the session is not locked meanwhile.
-    pub fn new(session: Arc<Mutex<Session>>, forward: F) -> Self {
-        Self { session, forward, examine: None }
-    }
-
-    /// The same sink with somebody who looks at each picture before it is kept.
-    #[must_use]
-    pub fn with_gate(
-        mut self,
-        examine: impl FnMut(&PlannedView, Angle, &Frame) -> Result<(), String> + 'a,
+impl<'scope> SessionSink<'scope> {
+    /// A sink into `session`; its thread lives in `scope` and ends when the sink is dropped.
+    pub fn new(
+        scope: &'scope Scope<'scope, '_>,
+        session: Arc<Mutex<Session>>,
+        judge: impl Judge + 'scope,
     ) -> Self {
-        self.examine = Some(Box::new(examine));
-        self
-    }
-
-    fn session(&self) -> MutexGuard<'_, Session> {
-        // A session that panicked in mid-append is on the disk as far as its journal says.
-        self.session.lock().unwrap_or_else(PoisonError::into_inner)
+        // One picture may wait while the judge passes the one before on.
+        let (offers, offered) = sync_channel(1);
+        let (tell, fates) = channel();
+        let keeps = Arc::clone(&session);
+        let keeper = scope.spawn(move || keep(&keeps, judge, &offered, &tell));
+        Self { session, offers, fates, keeper: Some(keeper), waits: false }
     }
 }
 
-impl<F: FnMut(CapturedView, Frame)> FrameSink for SessionSink<'_, F> {
+/// A session that panicked in mid-append is on the disk as far as its journal says.
+fn lock(session: &Mutex<Session>) -> MutexGuard<'_, Session> {
+    session.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Judges each picture that is offered, makes it durable and tells of it, until none comes any more.
+fn keep(
+    session: &Mutex<Session>,
+    mut judge: impl Judge,
+    offered: &Receiver<Offered>,
+    tell: &Sender<Result<Fate, SessionError>>,
+) {
+    for Offered { view, reached, frame, remaining_s } in offered {
+        let (fate, captured) = match judge.examine(&view, reached, &frame) {
+            Err(cause) => (Ok(Fate::Refused(cause)), None),
+            Ok(()) => match lock(session).record_frame(view.index, reached, &frame, remaining_s) {
+                Ok(captured) => (Ok(Fate::Kept), Some(captured)),
+                Err(error) => (Err(error), None),
+            },
+        };
+        // Where the run is gone nobody wants to know; the picture is kept all the same.
+        let _ = tell.send(fate);
+        if let Some(captured) = captured {
+            judge.kept(captured, frame);
+        }
+    }
+}
+
+impl FrameSink for SessionSink<'_> {
     fn begin(&mut self) -> Result<Earlier, SessionError> {
-        let mut session = self.session();
+        let mut session = lock(&self.session);
         let recording = session.recording();
         let captured: Vec<usize> = recording.views().map(|v| v.view).collect();
         // A picture that has changed on the disk since must not pass for evidence: its hash is checked here.
@@ -100,23 +143,28 @@ impl<F: FnMut(CapturedView, Frame)> FrameSink for SessionSink<'_, F> {
         Ok(Earlier { captured, size })
     }
 
-    fn examine(&mut self, view: &PlannedView, reached: Angle, frame: &Frame) -> Result<(), String> {
-        self.examine.as_mut().map_or(Ok(()), |examine| examine(view, reached, frame))
+    fn offer(&mut self, view: &PlannedView, reached: Angle, frame: Frame, remaining_s: Option<f64>) {
+        // A thread that takes nothing any more has panicked: the verdict says so.
+        self.waits = true;
+        let _ = self.offers.send(Offered { view: view.clone(), reached, frame, remaining_s });
     }
 
-    fn store(
-        &mut self,
-        view: &PlannedView,
-        reached: Angle,
-        frame: Frame,
-        remaining_s: Option<f64>,
-    ) -> Result<(), SessionError> {
-        let captured = self.session().record_frame(view.index, reached, &frame, remaining_s)?;
-        (self.forward)(captured, frame);
-        Ok(())
+    fn verdict(&mut self) -> Result<Fate, SessionError> {
+        let unheard = |reason: &str| SessionError::Unrecordable { reason: reason.to_owned() };
+        if !std::mem::take(&mut self.waits) {
+            return Err(unheard("a verdict was asked for on no picture"));
+        }
+        if let Ok(fate) = self.fates.recv() {
+            return fate;
+        }
+        // As if it had happened here.
+        match self.keeper.take().map(ScopedJoinHandle::join) {
+            Some(Err(panic)) => std::panic::resume_unwind(panic),
+            _ => Err(unheard("the thread that keeps pictures has ended")),
+        }
     }
 
     fn event(&mut self, what: Happening) -> Result<(), SessionError> {
-        self.session().append(what).map(|_| ())
+        lock(&self.session).append(what).map(|_| ())
     }
 }

@@ -6,7 +6,7 @@ use super::recorded::{
     WAITING_VIEWS, check_views, computation, conclude, lock, made_before, note, send_recorded,
 };
 use super::{DaemonError, Watcher};
-use crate::acquire::{self, Control, Outcome, QualityMode, SessionSink, SystemClock};
+use crate::acquire::{self, Control, Judge, Outcome, QualityMode, SessionSink, SystemClock};
 use crate::config::{CameraKind, Config, ConfigError, RigKind, ServeSettings};
 use crate::geometry::Angle;
 use crate::pipeline::{Cameras, Gate, MeshSettings, View};
@@ -14,10 +14,11 @@ use crate::rig::Frame;
 use crate::rig::simulated::TruthHandle;
 use crate::session::event::{CapturedView, Role};
 use crate::session::replay::replay;
-use crate::session::{Manifest, Origin, Session, State, Store, check_space, required_bytes, write_whole};
-use std::cell::RefCell;
+use crate::session::{
+    Manifest, Origin, PlannedView, Session, State, Store, check_space, required_bytes, write_whole,
+};
 use std::path::Path;
-use std::sync::mpsc::sync_channel;
+use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Arc, Mutex};
 
 /// What one picture takes on the disk, for the check before a run: a DSLR's largest JPEG, and its RAW file.
@@ -94,6 +95,29 @@ pub(super) fn begin(data: &Path, name: &str, config: &Config) -> Result<Begun, D
 
 fn view_of(index: usize, role: Role, angle: Angle, bytes: Vec<u8>) -> View {
     View { index, role, angle, bytes, cut_out: None }
+}
+
+/// Has the gate look at pictures, where there is one, and hands those that are kept to the pipeline.
+struct Examiner<'a> {
+    gate: Option<Gate<'a>>,
+    send: SyncSender<View>,
+}
+
+impl Judge for Examiner<'_> {
+    fn examine(&mut self, view: &PlannedView, reached: Angle, frame: &Frame) -> Result<(), String> {
+        let Some(gate) = &mut self.gate else { return Ok(()) };
+        gate.examine(&view_of(view.index, view.role, reached, frame.bytes.clone()))
+    }
+
+    fn kept(&mut self, view: CapturedView, frame: Frame) {
+        let view = view_of(view.view, view.role, Angle::from_deg(view.reached_deg), frame.bytes);
+        let view = match &mut self.gate {
+            Some(gate) => gate.pass(view),
+            None => view,
+        };
+        // A pipeline that has failed takes no more views; the capture goes on all the same.
+        let _ = self.send.send(view);
+    }
 }
 
 /// What became of a session that was to go on.
@@ -175,33 +199,21 @@ impl Begun {
         let clock = SystemClock::new();
         let outcome = std::thread::scope(|scope| {
             let computing = scope.spawn(|| pipeline.run(receive, &|what| note(&session, what)));
-            // Where pictures are judged before they are kept, this thread cuts them out and the pipeline does not.
-            let gate = gates.then(|| RefCell::new(Gate::new(&pipeline)));
-            let through = |view: View| match &gate {
-                Some(gate) => gate.borrow_mut().pass_recorded(view),
+            // Where pictures are judged before they are kept, that cuts them out and the pipeline does not.
+            let mut gate = gates.then(|| Gate::new(&pipeline));
+            let through = |view: View| match &mut gate {
+                Some(gate) => gate.pass_recorded(view),
                 None => view,
             };
-            let acquired = send_recorded(&recording, &send, through).and_then(|()| {
-                // A pipeline that has failed takes no more views; the capture goes on all the same.
-                let forward = |view: CapturedView, frame: Frame| {
-                    let view = view_of(view.view, view.role, Angle::from_deg(view.reached_deg), frame.bytes);
-                    let _ = send.send(match &gate {
-                        Some(gate) => gate.borrow_mut().pass(view),
-                        None => view,
-                    });
-                };
-                let mut sink = SessionSink::new(Arc::clone(&session), forward);
-                if let Some(gate) = &gate {
-                    sink = sink.with_gate(|view, reached, frame| {
-                        let view = view_of(view.index, view.role, reached, frame.bytes.clone());
-                        gate.borrow_mut().examine(&view)
-                    });
-                }
+            let sent = send_recorded(&recording, &send, through);
+            // The sender goes away with the sink: that ends the pipeline's waiting.
+            let judge = Examiner { gate, send };
+            let acquired = sent.and_then(|()| {
+                let mut sink = SessionSink::new(scope, Arc::clone(&session), judge);
                 let ended =
                     acquire::run(&mut *rig.stage, &mut *rig.camera, plan, &mut sink, control, &clock)?;
                 Ok(ended)
             });
-            drop(send);
             let made = match computing.join() {
                 Ok(made) => made,
                 Err(panic) => std::panic::resume_unwind(panic),

@@ -2,7 +2,7 @@
 
 use super::finish::{self, Finished};
 use super::{DaemonError, Watcher};
-use crate::acquire::{self, Control, Earlier, FrameSink, Outcome, QualityMode, SystemClock};
+use crate::acquire::{self, Control, Earlier, Fate, FrameSink, Outcome, QualityMode, SystemClock};
 use crate::config::Config;
 use crate::geometry::Angle;
 use crate::pipeline::{
@@ -54,7 +54,7 @@ pub(super) fn computation(recording: &Recording) -> Result<(Config, Pipeline), D
 pub(super) fn send_recorded(
     recording: &Recording,
     send: &SyncSender<View>,
-    through: impl Fn(View) -> View,
+    mut through: impl FnMut(View) -> View,
 ) -> Result<(), DaemonError> {
     for captured in recording.views() {
         let view = View {
@@ -291,20 +291,17 @@ impl FrameSink for ReplaySink<'_> {
         Ok(Earlier::default())
     }
 
-    fn store(
-        &mut self,
-        view: &PlannedView,
-        reached: Angle,
-        frame: Frame,
-        remaining_s: Option<f64>,
-    ) -> Result<(), SessionError> {
+    fn offer(&mut self, view: &PlannedView, reached: Angle, frame: Frame, remaining_s: Option<f64>) {
         if let Some(captured) = self.recording.view(view.index) {
             self.numbered.tell(Happening::Captured { view: captured.clone(), remaining_s });
         }
         // A pipeline that has failed takes no more; its error is what the replay returns.
         let (index, role, bytes) = (view.index, view.role, frame.bytes);
         let _ = self.send.send(View { index, role, angle: reached, bytes, cut_out: None });
-        Ok(())
+    }
+
+    fn verdict(&mut self) -> Result<Fate, SessionError> {
+        Ok(Fate::Kept)
     }
 
     fn event(&mut self, what: Happening) -> Result<(), SessionError> {

@@ -98,7 +98,7 @@ pub struct Status {
     pub views: usize,
     /// Views captured so far.
     pub captured: usize,
-    /// Index of the view being taken, or of the last one taken.
+    /// Index of the view that the stage is at or on its way to, or of the last one taken.
     pub view: Option<usize>,
     /// Angle of the stage, degrees: where it was last sent or last said that it is.
     pub angle_deg: Option<f64>,
@@ -144,8 +144,11 @@ impl Status {
             }
             Happening::Captured { view, remaining_s } => {
                 self.captured += 1;
-                self.view = Some(view.view);
-                self.angle_deg = Some(view.reached_deg);
+                // A view is kept while the stage is on its way to a later one.
+                if self.view <= Some(view.view) {
+                    self.view = Some(view.view);
+                    self.angle_deg = Some(view.reached_deg);
+                }
                 self.remaining_s = *remaining_s;
                 self.last_frame = Some(view.file.clone());
             }

@@ -117,7 +117,7 @@ pub enum Happening {
     },
     /// The stage found its reference.
     Homed,
-    /// The stage is being sent to a view's angle.
+    /// The stage is being sent to a view's angle; the view before it is being kept meanwhile, or refused.
     Moving {
         /// Index of the view.
         view: usize,

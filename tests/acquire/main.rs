@@ -1,5 +1,6 @@
 //! The acquisition with something going wrong, or somebody steering, at every one of its steps.
 
+mod overlap;
 mod rig;
 mod steering;
 
@@ -19,8 +20,10 @@ fn a_run_homes_once_and_takes_each_view_in_order() {
     let runs = Runs::new();
     assert_eq!(runs.run_well(), Outcome::Complete { captured: VIEWS });
     let mut expected = vec!["started".to_owned(), "homed".into()];
-    expected.extend(all().into_iter().flat_map(|n| [format!("moving {n}"), format!("captured {n}")]));
-    expected.push("acquisition_complete".into());
+    expected.push("moving 0".into());
+    // A view is captured while the stage is on its way to the next one.
+    expected.extend((1..VIEWS).flat_map(|n| [format!("moving {n}"), format!("captured {}", n - 1)]));
+    expected.extend(["captured 3".into(), "acquisition_complete".into()]);
     assert_eq!(runs.events(), expected);
     assert_eq!((runs.durable(), runs.passed_on.lock().unwrap().clone()), (all(), all()));
     assert_eq!(runs.recording().state(), State::Captured);
@@ -43,7 +46,7 @@ fn durable_after(step: Step) -> usize {
     match step {
         Step::Begin | Step::Home => 0,
         Step::Move(n) | Step::Settle(n) | Step::Expose(n) | Step::Store(n) => n,
-        Step::Kept => unreachable!("the camera can't refuse that"),
+        Step::Kept | Step::Examine(_) | Step::Verdict(_) => unreachable!("nothing is to fail there"),
         // The first is `homed`, then one for each move, then the end.
         Step::Event(n) => n.saturating_sub(1),
     }
@@ -185,7 +188,18 @@ fn a_picture_that_is_no_good_is_taken_again_and_each_time_journalled() {
     let script = Script { pictures, unfit: vec![1], ..Script::default() };
     assert_eq!(runs.run(script, &Control::new()).unwrap(), Outcome::Complete { captured: VIEWS });
     let events = runs.events();
-    assert_eq!(events[4..9], ["moving 1", "rejected 1", "rejected 1", "captured 1", "moving 2"]);
+    let again = [
+        "moving 1",
+        "captured 0",
+        "rejected 1",
+        "moving 2",
+        "rejected 1",
+        "moving 1",
+        "moving 2",
+        "captured 1",
+        "moving 3",
+    ];
+    assert_eq!(events[3..12], again);
     assert_eq!(runs.durable(), all());
 }
 

@@ -1,6 +1,8 @@
 //! A stage, a camera, a clock and a sink that do what a test tells them, at the step that it tells.
 
-use grainrig::acquire::{self, AcquireError, Clock, Control, Earlier, FrameSink, Outcome, SessionSink};
+use grainrig::acquire::{
+    self, AcquireError, Clock, Control, Earlier, Fate, FrameSink, Judge, Outcome, SessionSink,
+};
 use grainrig::geometry::Angle;
 use grainrig::rig::{Camera, Encoding, Frame, RigError, RotationStage};
 use grainrig::session::event::{CapturedView, Happening, Role};
@@ -23,7 +25,12 @@ pub enum Step {
     Move(usize),
     Settle(usize),
     Expose(usize),
+    /// A picture is handed to the sink.
     Store(usize),
+    /// A picture is looked at, on the sink's own thread.
+    Examine(usize),
+    /// What becomes of a picture is asked for.
+    Verdict(usize),
     /// The camera is told that its picture is durable.
     Kept,
     /// The event with this number is handed to the sink.
@@ -75,7 +82,8 @@ fn disk() -> SessionError {
     SessionError::DiskFull { path: "/data".into(), needed: 70_000, free: 12 }
 }
 
-struct FakeStage(Arc<Script>, usize);
+/// The script, the moves so far, and where they went.
+struct FakeStage(Arc<Script>, usize, Arc<Mutex<Vec<f64>>>);
 
 impl RotationStage for FakeStage {
     fn home(&mut self) -> Result<Angle, RigError> {
@@ -84,6 +92,7 @@ impl RotationStage for FakeStage {
     fn move_to(&mut self, target: Angle) -> Result<Angle, RigError> {
         let failing = self.0.fails(Step::Move(self.1));
         self.1 += 1;
+        self.2.lock().unwrap().push(target.deg());
         if failing { Err(device()) } else { Ok(Angle::from_deg((self.0.reached)(target.deg()))) }
     }
     fn describe(&self) -> String {
@@ -142,31 +151,48 @@ impl Clock for FakeClock {
     }
 }
 
+/// Refuses the pictures that a test wants refused.
+struct Looking {
+    script: Arc<Script>,
+    examined: usize,
+    passed_on: Arc<Mutex<Vec<usize>>>,
+}
+
+impl Judge for Looking {
+    fn examine(&mut self, _: &PlannedView, _: Angle, _: &Frame) -> Result<(), String> {
+        let this = self.examined;
+        self.examined += 1;
+        (self.script.at)(Step::Examine(this));
+        if self.script.unfit.contains(&this) { Err("focus is 9 px".into()) } else { Ok(()) }
+    }
+    fn kept(&mut self, view: CapturedView, _: Frame) {
+        self.passed_on.lock().unwrap().push(view.view);
+    }
+}
+
 /// A sink into a session whose disk fails when it is told to.
-struct FailingSink<'a, F> {
-    inner: SessionSink<'a, F>,
+struct FailingSink<'scope> {
+    inner: SessionSink<'scope>,
     script: Arc<Script>,
     stored: usize,
     events: usize,
+    failing: bool,
 }
 
-impl<F: FnMut(CapturedView, Frame)> FrameSink for FailingSink<'_, F> {
+impl FrameSink for FailingSink<'_> {
     fn begin(&mut self) -> Result<Earlier, SessionError> {
         if self.script.fails(Step::Begin) { Err(disk()) } else { self.inner.begin() }
     }
-    fn examine(&mut self, view: &PlannedView, reached: Angle, frame: &Frame) -> Result<(), String> {
-        self.inner.examine(view, reached, frame)
-    }
-    fn store(
-        &mut self,
-        view: &PlannedView,
-        reached: Angle,
-        frame: Frame,
-        remaining_s: Option<f64>,
-    ) -> Result<(), SessionError> {
-        let failing = self.script.fails(Step::Store(self.stored));
+    fn offer(&mut self, view: &PlannedView, reached: Angle, frame: Frame, remaining_s: Option<f64>) {
+        self.failing = self.script.fails(Step::Store(self.stored));
         self.stored += 1;
-        if failing { Err(disk()) } else { self.inner.store(view, reached, frame, remaining_s) }
+        if !self.failing {
+            self.inner.offer(view, reached, frame, remaining_s);
+        }
+    }
+    fn verdict(&mut self) -> Result<Fate, SessionError> {
+        (self.script.at)(Step::Verdict(self.stored - 1));
+        if self.failing { Err(disk()) } else { self.inner.verdict() }
     }
     fn event(&mut self, what: Happening) -> Result<(), SessionError> {
         let failing = self.script.fails(Step::Event(self.events));
@@ -183,6 +209,8 @@ pub struct Runs {
     pub now: Arc<Mutex<Duration>>,
     /// Views that were passed on, in order, over all runs.
     pub passed_on: Arc<Mutex<Vec<usize>>>,
+    /// Where the stage was sent, degrees, in order, over all runs.
+    pub went: Arc<Mutex<Vec<f64>>>,
 }
 
 impl Runs {
@@ -198,7 +226,7 @@ impl Runs {
         let manifest = Manifest::new("a", Origin::Rig, plan, serde_json::Value::Null);
         drop(store.create(&manifest).unwrap());
         let folder = store.folder("a").unwrap();
-        Self { _dir: dir, folder, now: Arc::default(), passed_on: Arc::default() }
+        Self { _dir: dir, folder, now: Arc::default(), passed_on: Arc::default(), went: Arc::default() }
     }
 
     /// One run, from opening the session to the end.
@@ -206,19 +234,17 @@ impl Runs {
         let script = Arc::new(script);
         let session = Session::open(&self.folder).unwrap();
         let plan = session.recording().manifest().plan.clone();
-        let passed_on = Arc::clone(&self.passed_on);
-        let forward = move |view: CapturedView, _| passed_on.lock().unwrap().push(view.view);
-        let (examined, looking) = (Mutex::new(0), Arc::clone(&script));
-        let inner = SessionSink::new(Arc::new(Mutex::new(session)), forward).with_gate(move |_, _, _| {
-            let mut examined = examined.lock().unwrap();
-            *examined += 1;
-            if looking.unfit.contains(&(*examined - 1)) { Err("focus is 9 px".into()) } else { Ok(()) }
-        });
-        let mut sink = FailingSink { inner, script: Arc::clone(&script), stored: 0, events: 0 };
         let clock =
             FakeClock { script: Arc::clone(&script), now: Arc::clone(&self.now), waits: Mutex::new(0) };
-        let (mut stage, mut camera) = (FakeStage(Arc::clone(&script), 0), FakeCamera(script, 0));
-        acquire::run(&mut stage, &mut camera, &plan, &mut sink, control, &clock)
+        let mut stage = FakeStage(Arc::clone(&script), 0, Arc::clone(&self.went));
+        let mut camera = FakeCamera(Arc::clone(&script), 0);
+        let passed_on = Arc::clone(&self.passed_on);
+        let judge = Looking { script: Arc::clone(&script), examined: 0, passed_on };
+        std::thread::scope(|scope| {
+            let inner = SessionSink::new(scope, Arc::new(Mutex::new(session)), judge);
+            let mut sink = FailingSink { inner, script, stored: 0, events: 0, failing: false };
+            acquire::run(&mut stage, &mut camera, &plan, &mut sink, control, &clock)
+        })
     }
 
     /// A run to which nothing happens.
