@@ -189,7 +189,12 @@ impl Ran {
     pub fn from(command: &mut Command) -> Self {
         let out = command.output().unwrap();
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-        let ran = Self { code: out.status.code(), stdout: text(out.stdout), stderr: text(out.stderr) };
+        Self::of(out.status.code(), text(out.stdout), text(out.stderr))
+    }
+
+    /// What a program that ran elsewhere came to.
+    pub fn of(code: Option<i32>, stdout: String, stderr: String) -> Self {
+        let ran = Self { code, stdout, stderr };
         assert!(!ran.stderr.contains("panicked"), "{ran:?}");
         ran
     }

@@ -47,6 +47,8 @@ const OPERATIONS: [u16; 15] = [
     0x1016, 0x101b,
 ];
 const INITIATE_CAPTURE: u16 = 0x100e;
+const GET_OBJECT: u16 = 0x1009;
+const GET_PART: u16 = 0x101b;
 
 /// What an operation comes to.
 pub enum Answer {
@@ -55,6 +57,8 @@ pub enum Answer {
     Silence,
     /// The connection ends.
     HangUp,
+    /// It ends when half of the data are through.
+    Torn(Reply),
 }
 
 /// A response, with the data that go before it.
@@ -139,6 +143,8 @@ pub struct Body {
     pub objects: BTreeMap<u32, Object>,
     next: u32,
     refusals: usize,
+    /// The connection ends while the next picture is fetched, and so many others are refused then.
+    tears: Option<usize>,
     /// The last release found no room.
     full: bool,
     properties: BTreeMap<u16, Property>,
@@ -169,6 +175,7 @@ impl Body {
             objects,
             next: 0x10,
             refusals: 0,
+            tears: None,
             full: false,
             properties: properties.into(),
             listener: None,
@@ -201,7 +208,7 @@ impl Body {
 
     pub fn mend(&mut self) {
         self.setup.faults.clear();
-        (self.refusals, self.full) = (0, false);
+        (self.refusals, self.tears, self.full) = (0, None, false);
     }
 
     /// Takes over the events; the number of this listener.
@@ -234,7 +241,7 @@ impl Body {
         let number = self.releases;
         self.releases += 1;
         let first = |f: &Fault| {
-            !matches!(f, Fault::Slow(_) | Fault::Truncated | Fault::RawWithoutJpeg | Fault::Drift)
+            matches!(f, Fault::Busy | Fault::FullCard | Fault::Stall | Fault::NoEvent | Fault::Die { .. })
         };
         match self.spoils(number, first) {
             Some(Fault::Busy) => return Err(Answer::code(code::BUSY)),
@@ -255,6 +262,9 @@ impl Body {
             Some(Fault::Slow(by)) => by,
             _ => Duration::ZERO,
         };
+        if let Some(Fault::Torn { refusals }) = self.spoils(number, |f| matches!(f, Fault::Torn { .. })) {
+            self.tears = Some(refusals);
+        }
         let complete = Instant::now() + SHUTTER + slow;
         let jpeg = self.spoils(number, |f| *f == Fault::RawWithoutJpeg).is_none();
         let mut files = Vec::new();
@@ -299,6 +309,18 @@ impl Body {
     }
 
     pub fn answer(&mut self, operation: u16, parameters: &[u32], data: &[u8]) -> Answer {
+        let answer = self.obeyed(operation, parameters, data);
+        let Answer::Reply(reply) = answer else { return answer };
+        if matches!(operation, GET_OBJECT | GET_PART)
+            && let Some(refusals) = self.tears.take()
+        {
+            (self.refusals, self.listener) = (refusals, None);
+            return Answer::Torn(reply);
+        }
+        Answer::Reply(reply)
+    }
+
+    fn obeyed(&mut self, operation: u16, parameters: &[u32], data: &[u8]) -> Answer {
         let first = parameters.first().copied().unwrap_or(0);
         let is_eos = self.setup.personality == Personality::Eos;
         let object = self.objects.get(&first);
@@ -314,7 +336,7 @@ impl Body {
             0x1006 => Answer::value(self.handles(parameters).len() as u32),
             0x1007 => Answer::data(Bytes::new().array32(&self.handles(parameters))),
             0x1008 => object.map_or(Answer::code(code::NO_SUCH_OBJECT), |o| Answer::data(o.info())),
-            0x1009 => {
+            GET_OBJECT => {
                 object.map_or(Answer::code(code::NO_SUCH_OBJECT), |o| Answer::data(Bytes(o.data.clone())))
             }
             0x100a => Answer::code(code::NO_THUMBNAIL),
@@ -322,7 +344,7 @@ impl Body {
                 self.full = false;
                 Answer::code(self.objects.remove(&first).map_or(code::NO_SUCH_OBJECT, |_| code::OK))
             }
-            0x101b => object.map_or(Answer::code(code::NO_SUCH_OBJECT), |o| {
+            GET_PART => object.map_or(Answer::code(code::NO_SUCH_OBJECT), |o| {
                 let [from, most] = [1, 2].map(|i| parameters.get(i).copied().unwrap_or(0) as usize);
                 let part = &o.data[from.min(o.data.len())..(from + most).min(o.data.len())];
                 let parameters = vec![part.len() as u32];
