@@ -17,6 +17,8 @@ use std::time::Duration;
 const BOOT: Duration = Duration::from_secs(120);
 /// The longest command.
 const ANSWER: Duration = Duration::from_secs(120);
+/// As many as `init` sends: one does what the test is about, one watches it.
+const AGENTS: usize = 2;
 /// What QEMU calls the serial adapter.
 const ADAPTER: &str = "adapter";
 const LINE: &str = "line";
@@ -26,7 +28,12 @@ const SERIAL: &str = "A5069RR4";
 /// A running guest.
 pub struct Guest {
     qemu: Child,
-    agent: BufReader<TcpStream>,
+    agents: Vec<Agent>,
+}
+
+/// Somebody in the guest who does what he is told.
+pub struct Agent {
+    line: BufReader<TcpStream>,
     console: PathBuf,
 }
 
@@ -57,15 +64,32 @@ impl Guest {
             .spawn()
             .unwrap();
         let (came, comes) = channel();
-        std::thread::spawn(move || came.send(listener.accept()));
-        let Ok(Ok((agent, _))) = comes.recv_timeout(BOOT) else {
-            let said = [&lab.path("qemu"), &console].map(|f| std::fs::read_to_string(f).unwrap_or_default());
-            panic!("the guest does not answer within {BOOT:?}: {}", said.concat())
-        };
-        agent.set_read_timeout(Some(ANSWER)).unwrap();
-        Self { qemu, agent: BufReader::new(agent), console }
+        std::thread::spawn(move || {
+            for agent in listener.incoming().take(AGENTS).map_while(Result::ok) {
+                if came.send(agent).is_err() {
+                    return;
+                }
+            }
+        });
+        let mut guest = Self { qemu, agents: Vec::new() };
+        while guest.agents.len() < AGENTS {
+            let Ok(agent) = comes.recv_timeout(BOOT) else {
+                let said = [&lab.path("qemu"), &console].map(|f| std::fs::read_to_string(f).unwrap_or_default());
+                panic!("the guest does not answer within {BOOT:?}: {}", said.concat())
+            };
+            agent.set_read_timeout(Some(ANSWER)).unwrap();
+            guest.agents.push(Agent { line: BufReader::new(agent), console: console.clone() });
+        }
+        guest
     }
 
+    /// Somebody in the guest; each can be had once.
+    pub fn agent(&mut self) -> Agent {
+        self.agents.pop().expect("no agent is left")
+    }
+}
+
+impl Agent {
     /// Runs a line of shell in the guest.
     pub fn run(&mut self, line: &str) -> Ran {
         let (code, stdout, stderr) = self.ask(line);
@@ -78,16 +102,16 @@ impl Guest {
             let said = std::fs::read_to_string(console).unwrap_or_default();
             panic!("{line}: {e}; the guest's console: {said}")
         };
-        writeln!(self.agent.get_mut(), "{line}").unwrap();
+        writeln!(self.line.get_mut(), "{line}").unwrap();
         let mut head = String::new();
-        if let Err(e) = self.agent.read_line(&mut head) {
+        if let Err(e) = self.line.read_line(&mut head) {
             failed(&self.console, &e);
         }
         let numbers: Vec<usize> = head.split_whitespace().filter_map(|n| n.parse().ok()).collect();
         let [code, out, err] = numbers[..] else { failed(&self.console, &format!("answered by {head:?}")) };
         let mut take = |count| {
             let mut bytes = vec![0; count];
-            self.agent.read_exact(&mut bytes).unwrap();
+            self.line.read_exact(&mut bytes).unwrap();
             bytes
         };
         (code as i32, take(out), take(err))
@@ -96,6 +120,13 @@ impl Guest {
     /// Writes a file.
     pub fn write(&mut self, path: &str, text: &str) {
         self.run(&format!("echo {} | base64 -d > {path}", STANDARD.encode(text))).succeeds();
+    }
+
+    /// Waits until something is so in the guest, which a line of shell looks at.
+    pub fn wait_until(&mut self, condition: &str) {
+        let line = format!("for i in $(seq 600); do {condition} && exit 0; sleep 0.1; done; exit 1");
+        let ran = self.run(&line);
+        assert_eq!(ran.code, Some(0), "it never was so: {condition}");
     }
 
     /// Brings a session of the guest's into the folder of those of this computer.

@@ -196,6 +196,8 @@ impl Ran {
     pub fn of(code: Option<i32>, stdout: String, stderr: String) -> Self {
         let ran = Self { code, stdout, stderr };
         assert!(!ran.stderr.contains("panicked"), "{ran:?}");
+        // It was not a terminal that this went to.
+        assert!(!ran.stderr.contains('\x1b'), "{ran:?}");
         ran
     }
 
@@ -267,7 +269,6 @@ impl Running {
     pub fn end(mut self) -> Ran {
         self.lines.read_to_string(&mut self.said).unwrap();
         let code = self.child.wait().unwrap().code();
-        assert!(!self.said.contains("panicked"), "{}", self.said);
-        Ran { code, stdout: String::new(), stderr: self.said }
+        Ran::of(code, String::new(), self.said)
     }
 }

@@ -146,6 +146,7 @@ impl Machine {
     /// Waits for a port that has gone to come back.
     fn reopen(&mut self, why: &str) -> Result<(), RigError> {
         tracing::warn!(port = self.settings.port, why, "the controller has gone; waiting for it");
+        self.link.hang_up();
         let patience = Duration::from_secs(self.settings.return_s);
         let deadline = Instant::now() + patience;
         loop {
