@@ -8,12 +8,14 @@ use crate::session::{PlannedView, Session, SessionError};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// What an earlier run has captured.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Earlier {
     /// Indices of the views that are durable.
     pub captured: Vec<usize>,
     /// Size of their pictures.
     pub size: Option<Size>,
+    /// Where the stage was sent last, degrees.
+    pub stands_deg: Option<f64>,
 }
 
 /// Keeps a run's pictures and events.
@@ -91,13 +93,17 @@ impl<F: FnMut(CapturedView, Frame)> FrameSink for SessionSink<'_, F> {
             Some(&view) => probe(&recording.frame(view)?.bytes, None).ok().map(|(_, size)| size),
             None => None,
         };
+        let stands_deg = recording.events().iter().rev().find_map(|event| match event.what {
+            Happening::Moving { target_deg, .. } => Some(target_deg),
+            _ => None,
+        });
         let what = Happening::Started {
             session: recording.manifest().name.clone(),
             views: recording.manifest().plan.views.len(),
             already_captured: captured.len(),
         };
         session.append(what)?;
-        Ok(Earlier { captured, size })
+        Ok(Earlier { captured, size, stands_deg })
     }
 
     fn examine(&mut self, view: &PlannedView, reached: Angle, frame: &Frame) -> Result<(), String> {
