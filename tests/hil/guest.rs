@@ -47,7 +47,19 @@ impl Guest {
         let said = File::create(lab.path("qemu")).unwrap();
         let qemu = Command::new("qemu-system-x86_64")
             // The emulator: where the processor's own help can be had differs from place to place.
-            .args(["-accel", "tcg", "-cpu", "max", "-smp", "2", "-m", "768", "-display", "none", "-no-reboot"])
+            .args([
+                "-accel",
+                "tcg",
+                "-cpu",
+                "max",
+                "-smp",
+                "2",
+                "-m",
+                "768",
+                "-display",
+                "none",
+                "-no-reboot",
+            ])
             .arg("-kernel")
             .arg(folder.join("kernel"))
             .arg("-initrd")
@@ -74,7 +86,8 @@ impl Guest {
         let mut guest = Self { qemu, agents: Vec::new() };
         while guest.agents.len() < AGENTS {
             let Ok(agent) = comes.recv_timeout(BOOT) else {
-                let said = [&lab.path("qemu"), &console].map(|f| std::fs::read_to_string(f).unwrap_or_default());
+                let said =
+                    [&lab.path("qemu"), &console].map(|f| std::fs::read_to_string(f).unwrap_or_default());
                 panic!("the guest does not answer within {BOOT:?}: {}", said.concat())
             };
             agent.set_read_timeout(Some(ANSWER)).unwrap();
@@ -135,7 +148,8 @@ impl Agent {
         assert_eq!(code, 0);
         let data = lab.path("data");
         std::fs::create_dir_all(&data).unwrap();
-        let mut tar = Command::new("tar").arg("-x").arg("-C").arg(data).stdin(Stdio::piped()).spawn().unwrap();
+        let mut tar =
+            Command::new("tar").arg("-x").arg("-C").arg(data).stdin(Stdio::piped()).spawn().unwrap();
         tar.stdin.take().unwrap().write_all(&archive).unwrap();
         assert!(tar.wait().unwrap().success());
     }

@@ -107,7 +107,8 @@ impl Rig {
 
     /// Runs the program as a user who has no rights but those of the group that grainrig's udev rules name.
     fn grainrig(&mut self, arguments: &str) -> Ran {
-        let line = format!("su grainrig -c 'grainrig --data /data --json --config /etc/rig.toml {arguments}'");
+        let line =
+            format!("su grainrig -c 'grainrig --data /data --json --config /etc/rig.toml {arguments}'");
         self.agent.run(&line)
     }
 
@@ -213,7 +214,8 @@ fn nothing_is_lost_or_doubled_while_cables_are_pulled(rig: &mut Rig) {
 fn a_camera_that_stays_away_ends_the_run_which_is_resumed(rig: &mut Rig) {
     let before = rig.exposed.lock().unwrap().len();
     let start = rig.board.lock().unwrap().position();
-    let told = ["view 1: ", "any camera is looked for, none is there", "switch the camera on, check the cable"];
+    let told =
+        ["view 1: ", "any camera is looked for, none is there", "switch the camera on, check the cable"];
     rig.grainrig("capture away").fails(1, &told);
     rig.camera.mend();
     rig.grainrig("resume away").succeeds();

@@ -24,27 +24,49 @@ have() {
         [ -x /lib/systemd/systemd-udevd ]
 } >/dev/null 2>&1
 
+# Without the right to it, apt-get says so.
+as_root=
+[ "$(id -u)" = 0 ] || as_root=$(command -v sudo) || true
+update() {
+    $as_root apt-get -qq update || true
+}
+
 have || {
     echo 'installing qemu-system-x86, busybox-static, kmod, cpio, udev, gcc'
-    as_root=
-    [ "$(id -u)" = 0 ] || as_root=$(command -v sudo) || skip 'QEMU is not installed, and there is no right to install it'
-    $as_root apt-get -qq update &&
-        DEBIAN_FRONTEND=noninteractive $as_root apt-get -qq -o Dpkg::Use-Pty=0 install -y --no-install-recommends \
-            qemu-system-x86 busybox-static kmod cpio udev gcc libc6-dev >/dev/null || true
-    have || skip 'QEMU, busybox, kmod, cpio or udev can not be installed (see above)'
+    update
+    $as_root env DEBIAN_FRONTEND=noninteractive apt-get -qq -o Dpkg::Use-Pty=0 install -y --no-install-recommends \
+        qemu-system-x86 busybox-static kmod cpio udev gcc libc6-dev >/dev/null || true
+    have || skip 'QEMU, busybox, kmod, cpio, gcc or udev can not be installed (see above)'
 }
 drivers=$(pkg-config --variable=driverdir libgphoto2) && ports=$(pkg-config --variable=driverdir libgphoto2_port) ||
     skip 'libgphoto2 is not installed'
 
 # The kernel, once.
-package=$(apt-cache depends linux-image-amd64 2>/dev/null | sed -n 's/.*Depends: \(linux-image-[0-9][^ ]*\).*/\1/p' | head -n 1)
-[ -n "$package" ] || skip 'there is no package linux-image-amd64 among those that are known here'
+newest() {
+    apt-cache depends linux-image-amd64 2>/dev/null | sed -n 's/.*Depends: \(linux-image-[0-9][^ ]*\).*/\1/p' | head -n 1
+}
+download() {
+    (cd "$out" && apt-get -qq -o APT::Sandbox::User=root download "$package")
+}
+package=$(find "$out" -maxdepth 1 -name 'linux-image-*' -type d ! -name '*.part' -printf '%f\n' | head -n 1)
+[ -n "$package" ] || package=$(newest)
+[ -n "$package" ] || {
+    update
+    package=$(newest)
+}
+[ -n "$package" ] || skip 'there is no package linux-image-amd64 among those that apt knows here'
 version=${package#linux-image-}
 root=$out/$package
 if [ ! -e "$root/boot/vmlinuz-$version" ]; then
     echo "fetching $package"
     rm -rf "$out"/linux-image-*
-    (cd "$out" && apt-get -qq download "$package" 2>&1) || skip "$package can not be fetched (see above)"
+    download || {
+        update
+        package=$(newest)
+        version=${package#linux-image-}
+        root=$out/$package
+        download || skip "$package can not be fetched (see above)"
+    }
     dpkg -x "$out"/"$package"_*.deb "$root.part"
     rm "$out"/"$package"_*.deb
     mv "$root.part" "$root"
@@ -91,8 +113,8 @@ cp "$drivers/ptp2.so" "$tree$drivers/"
 cp "$ports/usb1.so" "$tree$ports/"
 
 # Every library that any of them loads, and the loader.
-for file in "$program" "$drivers/ptp2.so" "$ports/usb1.so" /lib/systemd/systemd-udevd /lib/udev/v4l_id; do
-    ldd "$file" | sed -n 's/.*=> \(\/[^ ]*\) .*/\1/p; s/^[[:space:]]*\(\/[^ ]*\) .*/\1/p'
+for file in "$(command -v busybox)" "$program" "$drivers/ptp2.so" "$ports/usb1.so" /lib/systemd/systemd-udevd /lib/udev/v4l_id; do
+    ldd "$file" 2>/dev/null | sed -n 's/.*=> \(\/[^ ]*\) .*/\1/p; s/^[[:space:]]*\(\/[^ ]*\) .*/\1/p'
 done | sort -u | while read -r library; do
     cp -L "$library" "$tree/lib/"
 done

@@ -23,7 +23,7 @@ mod wire;
 use body::Body;
 use std::net::TcpListener;
 use std::path::Path;
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, SystemTime};
 
 /// Whether the library can talk to a camera on the network: Debian keeps that in a file of its own.
@@ -183,7 +183,8 @@ impl PtpCamera {
     }
 
     fn body(&self) -> MutexGuard<'_, Body> {
-        self.body.lock().unwrap()
+        // What fails while it is held has failed the test already.
+        self.body.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The camera driver's name for it.

@@ -48,9 +48,9 @@ pub struct Device {
 impl Device {
     /// A control transfer: its eight bytes of set-up.
     pub fn control(&mut self, setup: [u8; 8]) -> Control {
-        let [kind, request, index, value, ..] = setup;
+        let [kind, request, number, of, ..] = setup;
         let mut answer = match (kind, request) {
-            (0x80, 6) => descriptor(value, index)?,
+            (0x80, 6) => descriptor(of, number)?,
             // Status, configuration.
             (0x80..=0x82, 0) => vec![0, 0],
             (0x80, 8) => vec![1],
@@ -161,9 +161,8 @@ fn descriptor(kind: u8, index: u8) -> Control {
         }
         (2, 0) => {
             let [class, sub, protocol] = STILL_IMAGE;
-            let endpoint = |b: Bytes, address, kind, packet, every| {
-                b.raw(&[7, 5, address, kind]).u16(packet).u8(every)
-            };
+            let endpoint =
+                |b: Bytes, address, kind, packet, every| b.raw(&[7, 5, address, kind]).u16(packet).u8(every);
             let interface = Bytes::new().raw(&[9, 4, 0, 0, 3, class, sub, protocol, 0]);
             let interface = endpoint(interface, 0x81, 2, PACKET as u16, 0);
             let interface = endpoint(interface, 0x02, 2, PACKET as u16, 0);
