@@ -28,6 +28,9 @@ use std::sync::{Arc, Mutex};
 const VIEWS: usize = 6;
 const STEP_DEG: f64 = 36.0;
 const STEP: i64 = 320;
+const MM_PER_PX: f64 = 0.0043;
+/// The side of the square that the kernel's camera shows, pixels.
+const SQUARE: usize = 256;
 /// An emulated processor is slow: what is computed from the pictures is coarse.
 const COARSE: &str = "\
 [plan]
@@ -135,26 +138,29 @@ impl Rig {
         self.agent.write("/etc/rig.toml", &[COARSE, &stage, settings].concat());
     }
 
-    /// Where the pins were at each exposure from the one numbered `from`, in steps of the plan from `start`; and the pictures'
-    /// hashes.
-    fn exposed(&self, from: usize, start: i64) -> Vec<(f64, String)> {
+    /// Where the pins were at each exposure from the one numbered `from`, microsteps from `start`; and the pictures' hashes.
+    fn exposed(&self, from: usize, start: i64) -> Vec<(i64, String)> {
         let all = self.exposed.lock().unwrap();
-        all[from..].iter().map(|(at, hash)| ((at - start) as f64 / STEP as f64, hash.clone())).collect()
+        all[from..].iter().map(|(at, hash)| (at - start, hash.clone())).collect()
     }
 
     /// Fetches a session that is whole: each view is there once, the byte for byte what the camera showed at its angle.
-    fn assert_whole(&mut self, name: &str, exposed: &[(f64, String)]) {
+    fn assert_whole(&mut self, name: &str, exposed: &[(i64, String)]) {
         self.grainrig(&format!("verify {name}")).succeeds();
         self.agent.fetch(&self.lab, name);
         self.lab.assert_sound(name);
         let session = self.lab.recording(name);
         assert_eq!(session.views().len(), VIEWS, "{name}");
         for n in 0..VIEWS {
-            let (_, shown) = exposed.iter().rfind(|(view, _)| *view == n as f64).unwrap();
+            let (_, shown) = exposed.iter().rfind(|(at, _)| *at == n as i64 * STEP).unwrap();
             let kept = sha256_hex(&session.frame(n).unwrap().bytes);
             assert_eq!(*shown, kept, "{name}: view {n} is not what the camera showed");
         }
     }
+}
+
+fn positions(exposed: &[(i64, String)]) -> Vec<i64> {
+    exposed.iter().map(|(at, _)| *at).collect()
 }
 
 #[test]
@@ -203,8 +209,7 @@ fn nothing_is_lost_or_doubled_while_cables_are_pulled(rig: &mut Rig) {
     }
     // The view that was half fetched is taken again; at the release before, no picture was taken.
     let exposed = rig.exposed(0, 0);
-    let views: Vec<f64> = exposed.iter().map(|(view, _)| *view).collect();
-    assert_eq!(views, [0.0, 1.0, 2.0, 2.0, 3.0, 4.0, 5.0]);
+    assert_eq!(positions(&exposed), [0, 1, 2, 2, 3, 4, 5].map(|view| view * STEP));
     assert_eq!((rig.camera.releases(), rig.camera.sessions()), (8, 3));
     rig.assert_whole("pulled", &exposed);
     let state = rig.board.lock().unwrap().state();
@@ -220,8 +225,7 @@ fn a_camera_that_stays_away_ends_the_run_which_is_resumed(rig: &mut Rig) {
     rig.camera.mend();
     rig.grainrig("resume away").succeeds();
     let exposed = rig.exposed(before, start);
-    let views: Vec<f64> = exposed.iter().map(|(view, _)| *view).collect();
-    assert_eq!(views, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
+    assert_eq!(positions(&exposed), [0, 1, 2, 3, 4, 5].map(|view| view * STEP));
     rig.assert_whole("away", &exposed);
 }
 
@@ -236,10 +240,9 @@ fn a_video_camera_is_set_and_captured(rig: &mut Rig) {
     assert_eq!(session.views().len(), VIEWS);
     let picture = image::load_from_memory(&session.frame(0).unwrap().bytes).unwrap().to_rgb8();
     let is_square = |pixel: &image::Rgb<u8>| pixel.0[0] < 128;
-    let (area, side) = (picture.pixels().filter(|p| is_square(p)).count(), 256.0);
-    assert_eq!(area as f64, side * side);
+    assert_eq!(picture.pixels().filter(|p| is_square(p)).count(), SQUARE * SQUARE);
     let half = (STEP_DEG / 2.0).to_radians();
-    let side_mm = side * 0.0043;
+    let side_mm = SQUARE as f64 * MM_PER_PX;
     let prism_mm3 = 180.0 / STEP_DEG * 2.0 * (side_mm / 2.0).powi(2) * half.tan() * side_mm;
     let volume_mm3 = figure(&result, "/hull/volume_mm3");
     assert!((volume_mm3 / prism_mm3 - 1.0).abs() < 1e-3, "{volume_mm3} mm³, {prism_mm3} mm³ expected");
