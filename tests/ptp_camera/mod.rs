@@ -13,6 +13,7 @@
 // Each test file uses its own part of this.
 #![allow(dead_code)]
 
+mod answer;
 mod body;
 mod eos;
 mod server;

@@ -1,7 +1,8 @@
 //! On the network: a connection for commands and one for events, each on a thread of its own.
 
 use super::Served;
-use super::body::{Answer, Body, Reply};
+use super::answer::{Answer, Reply};
+use super::body::Body;
 use super::wire::{Bytes, packet, receive, send, u16_at, u32_at};
 use std::io::{Error, ErrorKind, Read as _, Result};
 use std::net::{TcpListener, TcpStream};

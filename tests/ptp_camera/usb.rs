@@ -1,7 +1,8 @@
 //! The camera as a device on the USB: its descriptors, and PTP in containers over two bulk endpoints (PIMA 15740, annex D).
 
 use super::Served;
-use super::body::{Answer, Body, Reply};
+use super::answer::{Answer, Reply};
+use super::body::Body;
 use super::wire::{Bytes, u16_at, u32_at};
 use std::collections::VecDeque;
 use std::sync::Mutex;
