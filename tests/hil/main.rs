@@ -169,8 +169,9 @@ fn the_program_drives_the_devices_of_a_real_kernel() {
     what_is_plugged_in_is_found(&mut rig);
     // Nothing names the camera: it is the only one.
     let eos = "[gphoto2]\nset = { iso = \"100\" }\nrequire = { autoexposuremode = \"Manual\" }\n\
-               retry_s = [1.0, 2.0, 4.0]\n";
+               retry_s = [1.0, 2.0, 4.0]\nclaimed_retry_s = [0.5]\n";
     rig.configure("gphoto2", eos);
+    a_camera_that_another_program_holds_is_told_with_its_name(&mut rig);
     nothing_is_lost_or_doubled_while_cables_are_pulled(&mut rig);
     a_camera_that_stays_away_ends_the_run_which_is_resumed(&mut rig);
     let device = rig.device("v4l2", "vivid").to_owned();
@@ -196,6 +197,23 @@ fn what_is_plugged_in_is_found(rig: &mut Rig) {
     assert!(rig.device("gphoto2", "Canon Inc. Canon Digital Camera").starts_with("/dev/bus/usb/"));
     let video = rig.device("v4l2", "vivid");
     assert_eq!(video, "/dev/v4l/by-path/platform-vivid.0-video-index0");
+}
+
+/// Another program looks through the camera, by live view.
+fn a_camera_that_another_program_holds_is_told_with_its_name(rig: &mut Rig) {
+    rig.camera.shows(|_| kit::pictures()[0].clone());
+    rig.agent.run(
+        "su grainrig -c 'echo $$ > /data/focusing; \
+         exec grainrig --config /etc/rig.toml focus --save /data/focus.jpg' > /data/focused 2>&1 &",
+    );
+    rig.agent.wait_until("[ -s /data/focus.jpg ]");
+    let shown = rig.agent.run("sha256sum /data/focus.jpg").succeeds().stdout;
+    assert_eq!(shown[..64], sha256_hex(&kit::pictures()[0]));
+    rig.grainrig("capture held")
+        .fails(1, &["Could not claim the USB device", "grainrig-camera (process ", "holds it"]);
+    rig.agent.run("kill -INT $(cat /data/focusing)").succeeds();
+    rig.agent.wait_until("! ls -l /proc/[0-9]*/fd 2>/dev/null | grep -q /dev/bus/usb");
+    assert_eq!((rig.camera.live_view(), rig.camera.releases()), (false, 0));
 }
 
 fn nothing_is_lost_or_doubled_while_cables_are_pulled(rig: &mut Rig) {
