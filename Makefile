@@ -1,5 +1,5 @@
 # grainrig: `make demo` and `make test` do all the set-up on a fresh Debian or Ubuntu that has Rust and Node.
-.PHONY: all demo test run check bench tools drivers clean
+.PHONY: all demo test test-hil run check bench tools drivers clean
 .DEFAULT_GOAL := all
 
 CARGO ?= cargo
@@ -30,6 +30,18 @@ run: all
 test: tools drivers
 	$(CARGO) test $(FEATURES)
 	cd web && GRAINRIG_BIN=$(CURDIR)/target/debug/grainrig CHROMIUM="$$( $(FIND_BROWSER) )" npm test
+
+# The second layer of the tests: the program on a real kernel that an emulator runs, with the rig plugged in. Needs Debian's
+# packages and 100 MB of them; where they can't be had this says `*** skipped`, with the reason, and is no failure.
+HIL := $(CURDIR)/target/hil
+test-hil: tools drivers
+	@if [ -z "$(FEATURES)" ]; then echo '*** skipped: it needs the drivers of cameras' >&2; exit 0; fi; \
+	set -e; \
+	$(CARGO) test $(FEATURES) --no-run --test hil; \
+	prepared=0; tests/hil/prepare.sh target/debug/grainrig $(HIL) || prepared=$$?; \
+	[ $$prepared != 77 ] || exit 0; \
+	[ $$prepared = 0 ] || exit $$prepared; \
+	GRAINRIG_HIL=$(HIL) timeout 300 $(CARGO) test $(FEATURES) --test hil -- --nocapture
 
 # What the tests need beside Rust and Node: CalculiX reads the decks, a browser opens the monitor, the controller's
 # firmware runs on a simulated chip. Where one cannot

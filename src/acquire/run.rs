@@ -55,6 +55,7 @@ pub fn run(
         unfit: None,
         captured: 0,
         began: None,
+        left_at: None,
         retry: None,
     };
     let mut phase = Phase::Idle;
@@ -131,6 +132,8 @@ struct Run<'a> {
     captured: usize,
     /// When the first view began, moved on by the time that the run was paused since.
     began: Option<Duration>,
+    /// Where an earlier run has sent the stage.
+    left_at: Option<Angle>,
     /// After how long a run that waits for its camera goes on by itself.
     retry: Option<Duration>,
 }
@@ -179,10 +182,15 @@ impl Run<'_> {
                 let there: BTreeSet<usize> = earlier.captured.into_iter().collect();
                 self.missing = self.plan.views.iter().filter(|v| !there.contains(&v.index)).collect();
                 self.size = earlier.size;
+                self.left_at = earlier.stands_deg.map(Angle::from_deg);
                 if self.missing.is_empty() { self.complete()? } else { Phase::Homing }
             }
             Phase::Homing => {
-                self.stage.home().map_err(AcquireError::Home)?;
+                let homed = match self.left_at.take() {
+                    Some(stands) => self.stage.take_up(stands),
+                    None => self.stage.home(),
+                };
+                homed.map_err(AcquireError::Home)?;
                 self.sink.event(Happening::Homed)?;
                 self.next_view()?
             }

@@ -10,12 +10,14 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{Scope, ScopedJoinHandle};
 
 /// What an earlier run has captured.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Earlier {
     /// Indices of the views that are durable.
     pub captured: Vec<usize>,
     /// Size of their pictures.
     pub size: Option<Size>,
+    /// Where the stage was sent last, degrees.
+    pub stands_deg: Option<f64>,
 }
 
 /// What becomes of a picture.
@@ -134,13 +136,17 @@ impl FrameSink for SessionSink<'_> {
             Some(&view) => probe(&recording.frame(view)?.bytes, None).ok().map(|(_, size)| size),
             None => None,
         };
+        let stands_deg = recording.events().iter().rev().find_map(|event| match event.what {
+            Happening::Moving { target_deg, .. } => Some(target_deg),
+            _ => None,
+        });
         let what = Happening::Started {
             session: recording.manifest().name.clone(),
             views: recording.manifest().plan.views.len(),
             already_captured: captured.len(),
         };
         session.append(what)?;
-        Ok(Earlier { captured, size })
+        Ok(Earlier { captured, size, stands_deg })
     }
 
     fn offer(&mut self, view: &PlannedView, reached: Angle, frame: Frame, remaining_s: Option<f64>) {

@@ -31,6 +31,7 @@ use crate::pipeline::PipelineError;
 use crate::session::{SessionError, Store};
 use anyhow::Result;
 use clap::{Args, Parser, Subcommand};
+use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -170,6 +171,8 @@ pub fn run() -> ExitCode {
                 .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn")),
         )
         .with_writer(std::io::stderr)
+        // Colours are for eyes: a file or a service's journal would keep their codes.
+        .with_ansi(std::io::stderr().is_terminal())
         // A log that nobody can read any more must not end the job.
         .log_internal_errors(false)
         .init();

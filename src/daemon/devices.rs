@@ -89,6 +89,10 @@ impl RotationStage for Seen {
         self.stage.home().map(|reached| self.show(reached))
     }
 
+    fn take_up(&mut self, stands: Angle) -> Result<Angle, RigError> {
+        self.stage.take_up(stands).map(|reached| self.show(reached))
+    }
+
     fn move_to(&mut self, target: Angle) -> Result<Angle, RigError> {
         self.stage.move_to(target).map(|reached| self.show(reached))
     }

@@ -112,19 +112,37 @@ fn usb_speed(device: &Path) -> Option<f64> {
 }
 
 fn video_cameras(root: &Path) -> Vec<Found> {
-    let by_id = root.join("dev/v4l/by-id");
-    // Others of the same camera carry data about the pictures.
-    let all = names(&by_id).into_iter().filter(|n| n.ends_with("-video-index0"));
-    all.map(|n| {
-        let path = by_id.join(&n);
-        let node = path.canonicalize().ok();
-        let sys =
-            node.as_deref().and_then(Path::file_name).map(|v| root.join("sys/class/video4linux").join(v));
-        let name = sys.as_deref().and_then(|s| text(&s.join("name"))).unwrap_or_else(|| readable(&n));
+    let mut nodes: Vec<PathBuf> = Vec::new();
+    let mut all: Vec<Found> = Vec::new();
+    let sys = root.join("sys/class/video4linux");
+    let mut add = |path: PathBuf, by_id: Option<&str>| {
+        let Ok(node) = path.canonicalize() else { return };
+        if nodes.contains(&node) {
+            return;
+        }
+        let sys = node.file_name().map(|v| sys.join(v));
+        let name = sys.as_deref().and_then(|s| text(&s.join("name")));
+        let name = name.or(by_id.map(readable)).unwrap_or_else(|| path.display().to_string());
         let speed = sys.and_then(|s| usb_speed(&s.join("device")));
-        found(Role::Camera, "v4l2", path, name, speed)
-    })
-    .collect()
+        all.push(found(Role::Camera, "v4l2", path, name, speed));
+        nodes.push(node);
+    };
+    // By its own name; one that has none by the place that it is at; without udev by the kernel's number. Other nodes of the
+    // same camera carry data about the pictures.
+    let by_id = root.join("dev/v4l/by-id");
+    for name in names(&by_id).into_iter().filter(|n| n.ends_with("-video-index0")) {
+        add(by_id.join(&name), Some(&name));
+    }
+    let by_path = root.join("dev/v4l/by-path");
+    for name in names(&by_path).into_iter().filter(|n| n.ends_with("-video-index0")) {
+        add(by_path.join(name), None);
+    }
+    for name in names(&sys).into_iter().filter(|n| n.starts_with("video")) {
+        if text(&sys.join(&name).join("index")).as_deref() == Some("0") {
+            add(root.join("dev").join(name), None);
+        }
+    }
+    all
 }
 
 /// USB devices with an interface of the still-image class, which is what PTP cameras have.
@@ -179,8 +197,18 @@ mod tests {
             ("dev/ttyS0", ""),
             ("dev/video0", ""),
             ("dev/video1", ""),
+            ("dev/video2", ""),
+            ("dev/video3", ""),
+            ("dev/video4", ""),
             ("dev/bus/usb/001/007", ""),
             ("sys/class/video4linux/video0/name", "HD Webcam C615\n"),
+            ("sys/class/video4linux/video0/index", "0\n"),
+            ("sys/class/video4linux/video1/index", "1\n"),
+            ("sys/class/video4linux/video2/name", "Built in\n"),
+            ("sys/class/video4linux/video2/index", "0\n"),
+            ("sys/class/video4linux/video3/name", "Without udev\n"),
+            ("sys/class/video4linux/video3/index", "0\n"),
+            ("sys/class/video4linux/video4/index", "1\n"),
             ("sys/bus/usb/devices/1-4/busnum", "1\n"),
             ("sys/bus/usb/devices/1-4/devnum", "7\n"),
             ("sys/bus/usb/devices/1-4/speed", "480\n"),
@@ -193,11 +221,16 @@ mod tests {
         }
         fs::create_dir_all(root.join("dev/serial/by-id")).unwrap();
         fs::create_dir_all(root.join("dev/v4l/by-id")).unwrap();
+        fs::create_dir_all(root.join("dev/v4l/by-path")).unwrap();
         let board = "dev/serial/by-id/usb-Arduino__www.arduino.cc__0043_75232-if00";
         symlink(root.join("dev/ttyACM0"), root.join(board)).unwrap();
         for n in [0, 1] {
             let name = format!("dev/v4l/by-id/usb-046d_HD_Webcam_C615-video-index{n}");
             symlink(root.join(format!("dev/video{n}")), root.join(name)).unwrap();
+        }
+        for (place, node) in [("pci-0000:00:14.0-usb-0:4:1.0", "video0"), ("platform-isp", "video2")] {
+            let name = format!("dev/v4l/by-path/{place}-video-index0");
+            symlink(root.join("dev").join(node), root.join(name)).unwrap();
         }
         let all = discover(root);
         let told: Vec<(&str, &str)> = all.iter().map(|f| (f.driver, f.name.as_str())).collect();
@@ -207,12 +240,16 @@ mod tests {
                 ("controller or grbl", "Arduino www.arduino.cc 0043 75232"),
                 ("controller or grbl", "ttyUSB3"),
                 ("v4l2", "HD Webcam C615"),
+                ("v4l2", "Built in"),
+                ("v4l2", "Without udev"),
                 ("gphoto2", "Canon Inc. Canon Digital Camera"),
             ]
         );
         assert_eq!(all[0].path, root.join(board));
-        assert_eq!(all[3].path, root.join("dev/bus/usb/001/007"));
-        assert_eq!(all[3].usb_mbit_per_s, Some(480.0));
+        assert_eq!(all[3].path, root.join("dev/v4l/by-path/platform-isp-video-index0"));
+        assert_eq!(all[4].path, root.join("dev/video3"));
+        assert_eq!(all[5].path, root.join("dev/bus/usb/001/007"));
+        assert_eq!(all[5].usb_mbit_per_s, Some(480.0));
         assert!(all.iter().all(|f| f.permitted && f.held_by.is_none()));
         assert_eq!(discover(&root.join("nothing")), []);
     }

@@ -23,6 +23,16 @@ pub trait RotationStage: Send {
     /// # Errors
     /// [`RigError`] where the stage does not answer or the reference is not found.
     fn home(&mut self) -> Result<Angle, RigError>;
+    /// Takes up what was interrupted when the stage had been sent to `stands`; returns the angle at which it is. A stage that
+    /// finds its reference by itself homes. One whose zero is where it stood at first can only take it that nothing has
+    /// turned it since.
+    ///
+    /// # Errors
+    /// [`RigError`] where the stage does not answer or the reference is not found.
+    fn take_up(&mut self, stands: Angle) -> Result<Angle, RigError> {
+        let _ = stands;
+        self.home()
+    }
     /// Goes to an absolute angle (counter-clockwise seen from above), waits until it stands, returns the angle
     /// that the stage believes it has reached.
     ///

@@ -58,6 +58,7 @@ fn what_passes_is_tried_again() {
             Fault::Busy,
             Fault::NoEvent,
             Fault::Die { refusals: 1 },
+            Fault::Torn { refusals: 1 },
             slow,
             Fault::Drift,
             Fault::RawWithoutJpeg,

@@ -88,3 +88,17 @@ fn help_of_every_command_has_an_example_that_names_it() {
         assert!(help.contains("Examples:") && help.contains("Common options:"), "{command}: {help}");
     }
 }
+
+/// It is started as `/proc/self/exe`; whoever asks the system what holds the camera is told its name.
+#[test]
+fn the_process_that_holds_a_camera_has_a_name_that_tells() {
+    let lab = Lab::new();
+    let mut command = lab.command(&["camera-worker"]);
+    let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+    // It says that it has started.
+    child.stdout.as_mut().unwrap().read_exact(&mut [0]).unwrap();
+    let name = std::fs::read_to_string(format!("/proc/{}/comm", child.id())).unwrap();
+    assert_eq!(name, "grainrig-camera\n");
+    drop(child.stdin.take());
+    assert!(child.wait().unwrap().success());
+}

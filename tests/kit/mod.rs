@@ -189,8 +189,15 @@ impl Ran {
     pub fn from(command: &mut Command) -> Self {
         let out = command.output().unwrap();
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-        let ran = Self { code: out.status.code(), stdout: text(out.stdout), stderr: text(out.stderr) };
+        Self::of(out.status.code(), text(out.stdout), text(out.stderr))
+    }
+
+    /// What a program that ran elsewhere came to.
+    pub fn of(code: Option<i32>, stdout: String, stderr: String) -> Self {
+        let ran = Self { code, stdout, stderr };
         assert!(!ran.stderr.contains("panicked"), "{ran:?}");
+        // It was not a terminal that this went to.
+        assert!(!ran.stderr.contains('\x1b'), "{ran:?}");
         ran
     }
 
@@ -262,7 +269,6 @@ impl Running {
     pub fn end(mut self) -> Ran {
         self.lines.read_to_string(&mut self.said).unwrap();
         let code = self.child.wait().unwrap().code();
-        assert!(!self.said.contains("panicked"), "{}", self.said);
-        Ran { code, stdout: String::new(), stderr: self.said }
+        Ran::of(code, String::new(), self.said)
     }
 }

@@ -1,24 +1,12 @@
 //! The camera's body: what it holds, how its shutter works, and the operations that every PTP camera has.
 
+use super::answer::{Answer, Reply, code};
 use super::eos::{self, Eos};
 use super::wire::{Bytes, u16_at, u32_at};
 use super::{Fault, Personality, Pictures, Served, Setup};
 use std::collections::BTreeMap;
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant, SystemTime};
-
-/// Response codes (PTP, ISO 15740, clause 11.3).
-pub mod code {
-    pub const OK: u16 = 0x2001;
-    pub const GENERAL_ERROR: u16 = 0x2002;
-    pub const NOT_SUPPORTED: u16 = 0x2005;
-    pub const NO_SUCH_OBJECT: u16 = 0x2009;
-    pub const NO_SUCH_PROPERTY: u16 = 0x200a;
-    pub const STORE_FULL: u16 = 0x200c;
-    pub const NO_THUMBNAIL: u16 = 0x2010;
-    pub const BUSY: u16 = 0x2019;
-    pub const BAD_VALUE: u16 = 0x201c;
-}
 
 /// Events (clause 12.5).
 const OBJECT_ADDED: u16 = 0x4002;
@@ -47,37 +35,8 @@ const OPERATIONS: [u16; 15] = [
     0x1016, 0x101b,
 ];
 const INITIATE_CAPTURE: u16 = 0x100e;
-
-/// What an operation comes to.
-pub enum Answer {
-    Reply(Reply),
-    /// Nothing, ever.
-    Silence,
-    /// The connection ends.
-    HangUp,
-}
-
-/// A response, with the data that go before it.
-pub struct Reply {
-    pub code: u16,
-    pub parameters: Vec<u32>,
-    pub data: Option<Vec<u8>>,
-}
-
-impl Answer {
-    pub fn code(code: u16) -> Self {
-        Self::Reply(Reply { code, parameters: Vec::new(), data: None })
-    }
-    pub fn ok() -> Self {
-        Self::code(code::OK)
-    }
-    pub fn data(data: Bytes) -> Self {
-        Self::Reply(Reply { code: code::OK, parameters: Vec::new(), data: Some(data.0) })
-    }
-    fn value(value: u32) -> Self {
-        Self::Reply(Reply { code: code::OK, parameters: vec![value], data: None })
-    }
-}
+const GET_OBJECT: u16 = 0x1009;
+const GET_PART: u16 = 0x101b;
 
 /// A file or a folder.
 pub struct Object {
@@ -139,6 +98,8 @@ pub struct Body {
     pub objects: BTreeMap<u32, Object>,
     next: u32,
     refusals: usize,
+    /// The connection ends while the next picture is fetched, and so many others are refused then.
+    tears: Option<usize>,
     /// The last release found no room.
     full: bool,
     properties: BTreeMap<u16, Property>,
@@ -169,6 +130,7 @@ impl Body {
             objects,
             next: 0x10,
             refusals: 0,
+            tears: None,
             full: false,
             properties: properties.into(),
             listener: None,
@@ -201,7 +163,7 @@ impl Body {
 
     pub fn mend(&mut self) {
         self.setup.faults.clear();
-        (self.refusals, self.full) = (0, false);
+        (self.refusals, self.tears, self.full) = (0, None, false);
     }
 
     /// Takes over the events; the number of this listener.
@@ -234,7 +196,7 @@ impl Body {
         let number = self.releases;
         self.releases += 1;
         let first = |f: &Fault| {
-            !matches!(f, Fault::Slow(_) | Fault::Truncated | Fault::RawWithoutJpeg | Fault::Drift)
+            matches!(f, Fault::Busy | Fault::FullCard | Fault::Stall | Fault::NoEvent | Fault::Die { .. })
         };
         match self.spoils(number, first) {
             Some(Fault::Busy) => return Err(Answer::code(code::BUSY)),
@@ -255,6 +217,9 @@ impl Body {
             Some(Fault::Slow(by)) => by,
             _ => Duration::ZERO,
         };
+        if let Some(Fault::Torn { refusals }) = self.spoils(number, |f| matches!(f, Fault::Torn { .. })) {
+            self.tears = Some(refusals);
+        }
         let complete = Instant::now() + SHUTTER + slow;
         let jpeg = self.spoils(number, |f| *f == Fault::RawWithoutJpeg).is_none();
         let mut files = Vec::new();
@@ -299,6 +264,18 @@ impl Body {
     }
 
     pub fn answer(&mut self, operation: u16, parameters: &[u32], data: &[u8]) -> Answer {
+        let answer = self.obeyed(operation, parameters, data);
+        let Answer::Reply(reply) = answer else { return answer };
+        if matches!(operation, GET_OBJECT | GET_PART)
+            && let Some(refusals) = self.tears.take()
+        {
+            (self.refusals, self.listener) = (refusals, None);
+            return Answer::Torn(reply);
+        }
+        Answer::Reply(reply)
+    }
+
+    fn obeyed(&mut self, operation: u16, parameters: &[u32], data: &[u8]) -> Answer {
         let first = parameters.first().copied().unwrap_or(0);
         let is_eos = self.setup.personality == Personality::Eos;
         let object = self.objects.get(&first);
@@ -314,7 +291,7 @@ impl Body {
             0x1006 => Answer::value(self.handles(parameters).len() as u32),
             0x1007 => Answer::data(Bytes::new().array32(&self.handles(parameters))),
             0x1008 => object.map_or(Answer::code(code::NO_SUCH_OBJECT), |o| Answer::data(o.info())),
-            0x1009 => {
+            GET_OBJECT => {
                 object.map_or(Answer::code(code::NO_SUCH_OBJECT), |o| Answer::data(Bytes(o.data.clone())))
             }
             0x100a => Answer::code(code::NO_THUMBNAIL),
@@ -322,7 +299,7 @@ impl Body {
                 self.full = false;
                 Answer::code(self.objects.remove(&first).map_or(code::NO_SUCH_OBJECT, |_| code::OK))
             }
-            0x101b => object.map_or(Answer::code(code::NO_SUCH_OBJECT), |o| {
+            GET_PART => object.map_or(Answer::code(code::NO_SUCH_OBJECT), |o| {
                 let [from, most] = [1, 2].map(|i| parameters.get(i).copied().unwrap_or(0) as usize);
                 let part = &o.data[from.min(o.data.len())..(from + most).min(o.data.len())];
                 let parameters = vec![part.len() as u32];

@@ -1,6 +1,7 @@
 //! What a Canon EOS does its own way: properties of its own, a release in two steps, changes that are polled.
 
-use super::body::{Answer, Body, STORE, code};
+use super::answer::{Answer, code};
+use super::body::{Body, STORE};
 use super::wire::{Bytes, u32_at};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};

@@ -1,9 +1,11 @@
-//! A camera on the network that libgphoto2 takes for a real one: PTP over IP (CIPA DC-005), with a plain camera's
-//! personality and that of a Canon EOS, and what goes wrong with either.
+//! A camera that libgphoto2 takes for a real one, with a plain camera's personality and that of a Canon EOS, and what goes
+//! wrong with either. It is on the network (PTP over IP, CIPA DC-005), or on the USB of a computer that takes devices from
+//! the network (USB/IP): one body, two cables.
 //!
 //! ```text
 //!  libgphoto2 ──commands──▶ server ──operation──▶ Body (store, properties, shutter) ──picture──▶ the test's callback
 //!             ◀──events────                       eos: Canon's own operations and its queue of changes
+//!  libusb ─▶ kernel ──URBs──▶ usbip ─▶ usb ──operation──▶ the same
 //! ```
 //!
 //! The pictures come from the test, which may render them at the angle that a stage has reached.
@@ -11,15 +13,18 @@
 // Each test file uses its own part of this.
 #![allow(dead_code)]
 
+mod answer;
 mod body;
 mod eos;
 mod server;
+mod usb;
+mod usbip;
 mod wire;
 
 use body::Body;
 use std::net::TcpListener;
 use std::path::Path;
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, SystemTime};
 
 /// Whether the library can talk to a camera on the network: Debian keeps that in a file of its own.
@@ -66,6 +71,11 @@ pub enum Fault {
     NoEvent,
     /// The camera hangs up in mid-release and refuses the next so many connections.
     Die {
+        /// Connections refused before it is there again.
+        refusals: usize,
+    },
+    /// The picture is taken, and the camera hangs up half-way through fetching it; it refuses the next so many connections.
+    Torn {
         /// Connections refused before it is there again.
         refusals: usize,
     },
@@ -139,13 +149,27 @@ pub struct PtpCamera {
 type Pictures = dyn FnMut(usize) -> Vec<u8> + Send;
 
 impl PtpCamera {
-    /// Switches a camera on; `pictures` makes the JPEG of each exposure that is really taken.
+    /// Switches a camera on that is on the network; `pictures` makes the JPEG of each exposure that is really taken.
     pub fn start(setup: Setup, pictures: impl FnMut(usize) -> Vec<u8> + Send + 'static) -> Self {
+        Self::serving(setup, pictures, server::connection)
+    }
+
+    /// Switches a camera on that may be plugged into the USB of whoever asks for it over USB/IP. It has the identity of an
+    /// EOS 60D.
+    pub fn plugged(setup: Setup, pictures: impl FnMut(usize) -> Vec<u8> + Send + 'static) -> Self {
+        Self::serving(setup, pictures, usbip::connection)
+    }
+
+    fn serving(
+        setup: Setup,
+        pictures: impl FnMut(usize) -> Vec<u8> + Send + 'static,
+        connection: server::Serve,
+    ) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let port = listener.local_addr().unwrap().port();
         let body = Arc::new(Mutex::new(Body::new(setup, Box::new(pictures))));
         let serving = Arc::clone(&body);
-        std::thread::spawn(move || server::serve(&listener, &serving));
+        std::thread::spawn(move || server::serve(&listener, &serving, connection));
         Self { body, port }
     }
 
@@ -154,8 +178,14 @@ impl PtpCamera {
         format!("ptpip:127.0.0.1:{0}:{0}", self.port)
     }
 
+    /// Its port on this computer.
+    pub fn port(&self) -> u16 {
+        self.port
+    }
+
     fn body(&self) -> MutexGuard<'_, Body> {
-        self.body.lock().unwrap()
+        // What fails while it is held has failed the test already.
+        self.body.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The camera driver's name for it.
@@ -201,7 +231,7 @@ impl PtpCamera {
     pub fn exposed(&self) -> Vec<SystemTime> {
         self.body().exposed.clone()
     }
-    /// Command connections so far.
+    /// Command connections so far; for one on the USB: how often it was plugged in.
     pub fn sessions(&self) -> usize {
         self.body().sessions
     }

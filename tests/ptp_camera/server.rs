@@ -1,7 +1,8 @@
-//! Connections: one for commands, one for events, each on a thread of its own.
+//! On the network: a connection for commands and one for events, each on a thread of its own.
 
 use super::Served;
-use super::body::{Answer, Body, Reply};
+use super::answer::{Answer, Reply};
+use super::body::Body;
 use super::wire::{Bytes, packet, receive, send, u16_at, u32_at};
 use std::io::{Error, ErrorKind, Read as _, Result};
 use std::net::{TcpListener, TcpStream};
@@ -14,8 +15,11 @@ const CHUNK: usize = 1 << 16;
 /// How often an idle event connection looks whether it is still wanted.
 const LOOK: Duration = Duration::from_millis(200);
 
+/// How one connection is served.
+pub type Serve = fn(TcpStream, &Mutex<Body>) -> Result<()>;
+
 /// Takes connections until the camera is switched off.
-pub fn serve(listener: &TcpListener, body: &Arc<Mutex<Body>>) {
+pub fn serve(listener: &TcpListener, body: &Arc<Mutex<Body>>, connection: Serve) {
     for stream in listener.incoming() {
         let mut locked = body.lock().unwrap();
         if locked.off {
@@ -31,7 +35,8 @@ pub fn serve(listener: &TcpListener, body: &Arc<Mutex<Body>>) {
     }
 }
 
-fn connection(mut stream: TcpStream, body: &Mutex<Body>) -> Result<()> {
+/// A connection of PTP/IP, for commands or for events.
+pub fn connection(mut stream: TcpStream, body: &Mutex<Body>) -> Result<()> {
     stream.set_nodelay(true)?;
     match receive(&mut stream)?.0 {
         packet::EVENT_INIT => events(stream, body),
@@ -88,6 +93,14 @@ fn commands(mut stream: TcpStream, body: &Mutex<Body>) -> Result<()> {
                         respond(&mut stream, transaction, &reply)?;
                         let served = Served { operation, began, ended: SystemTime::now() };
                         body.lock().unwrap().served.push(served);
+                    }
+                    Answer::Torn(reply) => {
+                        let data = reply.data.unwrap_or_default();
+                        let start = Bytes::new().u32(transaction).u64(data.len() as u64);
+                        send(&mut stream, packet::START_DATA, &start.0)?;
+                        let half = Bytes::new().u32(transaction).raw(&data[..data.len() / 2]);
+                        send(&mut stream, packet::DATA, &half.0)?;
+                        return Err(Error::from(ErrorKind::BrokenPipe));
                     }
                     // Until the other side loses its patience and hangs up.
                     Answer::Silence => return stream.read(&mut [0]).map(|_| ()),

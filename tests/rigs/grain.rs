@@ -1,5 +1,8 @@
 //! The grain on the board's motor, before a lens; and what the simulated rig makes of it.
 
+// Each test file uses its own part of this.
+#![allow(dead_code)]
+
 use crate::board::Board;
 use crate::kit::Lab;
 use grainrig::config::Config;

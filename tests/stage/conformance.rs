@@ -32,7 +32,16 @@ fn conforms(name: &str, stage: &mut dyn RotationStage, step_deg: f64, stands: &m
     // A refusal spoils nothing, and homing ends where it ended before.
     stage.move_to(Angle::from_deg(7.2)).unwrap();
     stage.home().unwrap();
-    stage.move_to(Angle::from_deg(14.4)).unwrap();
+    let zero = stands();
+    let reached = stage.move_to(Angle::from_deg(14.4)).unwrap();
+    // What was interrupted there is taken up, by its reference or by where it stands; angles are what they were.
+    stage.take_up(reached).unwrap();
+    let reached = stage.move_to(Angle::from_deg(21.6)).unwrap();
+    let truth = stands() - zero;
+    assert!(
+        (truth - reached.deg()).abs() < 1e-6 + 1e-3 * step_deg,
+        "{name} says {reached}, stands at {truth}°"
+    );
 }
 
 #[test]

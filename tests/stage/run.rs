@@ -30,6 +30,29 @@ fn a_grain_is_captured_by_the_real_firmware_as_by_the_simulated_stage() {
     assert_eq!(state["current"], false);
 }
 
+/// Without a switch nobody finds the run's zero again: what is left of it is where the stage was sent last.
+#[test]
+fn a_run_that_was_ended_is_resumed_at_the_angles_that_it_would_have_had() {
+    let Some(mut board) = Board::start(0, -1_000_000) else { return };
+    let lab = Lab::new();
+    lab.write("one.toml", config(&board, true));
+    let mut running = lab.start(&["--config", "one.toml", "capture", "ended"]);
+    running.wait_for("view 3 ");
+    running.interrupt();
+    running.end();
+    let stands = board.position();
+    assert!((3 * 64..1600).contains(&stands) && stands % 64 == 0, "{stands}");
+    lab.run(&["--config", "one.toml", "resume", "ended"]).succeeds();
+    let state = board.state();
+    assert_eq!((&state["position"], &state["idle_steps"]), (&1600.into(), &0.into()));
+    assert_eq!(
+        state["steps"].as_i64().unwrap(),
+        1600 + 16,
+        "each way once, and the play taken up when it began"
+    );
+    lab.assert_sound("ended");
+}
+
 #[test]
 fn the_doctor_finds_a_board_healthy_and_says_what_ails_one_that_is_not() {
     let Some(mut board) = Board::start(0, -1_000_000) else { return };

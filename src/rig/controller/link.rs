@@ -20,7 +20,8 @@ pub(super) enum LinkError {
 
 /// The line to a controller.
 pub(super) struct Link {
-    port: Port,
+    /// None once it has been hung up.
+    port: Option<Port>,
     reader: Reader,
     seq: u8,
     reply: Duration,
@@ -29,13 +30,24 @@ pub(super) struct Link {
 
 impl Link {
     pub fn new(port: Port, reply_ms: u64, tries: u32) -> Self {
-        Self { port, reader: Reader::default(), seq: 0, reply: Duration::from_millis(reply_ms), tries }
+        let reply = Duration::from_millis(reply_ms);
+        Self { port: Some(port), reader: Reader::default(), seq: 0, reply, tries }
+    }
+
+    /// Lets go of a device that has gone. While anybody has it open the kernel keeps its name, and what is plugged in again
+    /// gets the next one.
+    pub fn hang_up(&mut self) {
+        self.port = None;
+    }
+
+    fn port(&mut self) -> Result<&mut Port, std::io::Error> {
+        self.port.as_mut().ok_or_else(|| std::io::ErrorKind::NotConnected.into())
     }
 
     /// Waits for the controller to say that it has started; whether it did.
     pub fn started(&mut self, within: Duration) -> Result<bool, LinkError> {
         let deadline = Instant::now() + within;
-        while let Some(byte) = self.port.byte(deadline)? {
+        while let Some(byte) = self.port()?.byte(deadline)? {
             if let Some(Said::Announcement(text)) = self.reader.take(byte)
                 && text != "nak"
             {
@@ -51,7 +63,7 @@ impl Link {
         self.seq = self.seq.wrapping_add(1);
         let bytes = request(self.seq, body);
         for _ in 0..self.tries {
-            self.port.send(&bytes)?;
+            self.port()?.send(&bytes)?;
             if let Some(answer) = self.answer()? {
                 return Ok(answer);
             }
@@ -62,7 +74,7 @@ impl Link {
     /// The answer to the last request; `None` where it is to be asked again.
     fn answer(&mut self) -> Result<Option<String>, LinkError> {
         let deadline = Instant::now() + self.reply;
-        while let Some(byte) = self.port.byte(deadline)? {
+        while let Some(byte) = self.port()?.byte(deadline)? {
             match self.reader.take(byte) {
                 Some(Said::Reply { seq, body }) if seq == self.seq => return Ok(Some(body)),
                 // A late answer to an earlier one.

@@ -56,6 +56,8 @@ pub(super) struct Machine {
     version: String,
     /// Whether the position is known, as far as this side knows.
     referenced: bool,
+    /// Where the firmware's zero is, microsteps: not at ours after a run was taken up.
+    origin: i32,
     /// Number of the last shot.
     shot: u64,
 }
@@ -65,8 +67,15 @@ impl Machine {
         let link = line(&settings)?;
         // The firmware takes a shot of the last one's number for the same shot asked for again, and outlives this program.
         let shot = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |t| t.as_millis() as u64 % SHOTS);
-        let mut machine =
-            Self { settings, link, boot: String::new(), version: String::new(), referenced: false, shot };
+        let mut machine = Self {
+            settings,
+            link,
+            boot: String::new(),
+            version: String::new(),
+            referenced: false,
+            origin: 0,
+            shot,
+        };
         // A board that opening has reset is in its bootloader first, which takes what it hears for a program.
         let wait = Duration::from_millis(machine.settings.boot_ms);
         machine.link.started(wait).map_err(|e| machine.device(&e.to_string()))?;
@@ -111,10 +120,14 @@ impl Machine {
             }
             _ => return Err(self.device(&format!("it says {said:?}, which is no grainrig controller"))),
         }
+        self.configure()
+    }
+
+    fn configure(&mut self) -> Result<(), RigError> {
         let s = &self.settings;
         let rate = |deg: f64| (deg / 360.0 * s.per_turn()).round() as i64;
         let flags = u8::from(s.invert) | u8::from(s.reference == Reference::Switch) << 1;
-        let [low, high] = s.limits_deg.map(|deg| s.position(deg));
+        let [low, high] = s.limits_deg.map(|deg| s.position(deg) - self.origin);
         // Room to approach the least angle from below.
         let low = low - s.position(s.backlash_deg);
         let body = format!(
@@ -146,6 +159,7 @@ impl Machine {
     /// Waits for a port that has gone to come back.
     fn reopen(&mut self, why: &str) -> Result<(), RigError> {
         tracing::warn!(port = self.settings.port, why, "the controller has gone; waiting for it");
+        self.link.hang_up();
         let patience = Duration::from_secs(self.settings.return_s);
         let deadline = Instant::now() + patience;
         loop {
@@ -173,6 +187,7 @@ impl Machine {
     fn status(&mut self) -> Result<Status, RigError> {
         let said = self.asked("S")?;
         Status::of(&said)
+            .map(|status| Status { position: status.position + self.origin, ..status })
             .ok_or_else(|| self.device(&format!("it says {said:?} where its state was asked for")))
     }
 
@@ -183,17 +198,42 @@ impl Machine {
     }
 
     pub fn home(&mut self) -> Result<f64, RigError> {
-        if self.status()?.boot != self.boot {
-            self.identify()?;
-        }
-        self.settle("a move before")?;
+        self.rest()?;
         match self.settings.reference {
-            Reference::Here => self.obeyed("Z")?,
+            Reference::Here => self.stands_at(0)?,
             Reference::Switch => self.seek()?,
         }
         self.referenced = true;
         self.approach(0)?;
         Ok(0.0)
+    }
+
+    /// Takes up where an earlier run left the stage: a switch tells where that is; without one it still stands there.
+    pub fn take_up(&mut self, deg: f64) -> Result<f64, RigError> {
+        if self.settings.reference == Reference::Switch {
+            return self.home();
+        }
+        self.rest()?;
+        self.stands_at(self.settings.position(deg))?;
+        self.referenced = true;
+        Ok(deg)
+    }
+
+    /// Whoever is there now knows its settings, and rests.
+    fn rest(&mut self) -> Result<(), RigError> {
+        if self.status()?.boot != self.boot {
+            self.identify()?;
+        }
+        self.settle("a move before")
+    }
+
+    /// Where it stands now is this position.
+    fn stands_at(&mut self, position: i32) -> Result<(), RigError> {
+        if self.origin != position {
+            self.origin = position;
+            self.configure()?;
+        }
+        self.obeyed("Z")
     }
 
     fn obeyed(&mut self, body: &str) -> Result<(), RigError> {
@@ -308,7 +348,7 @@ impl Machine {
         if from == to {
             return Ok(Some(to));
         }
-        let body = format!("M {to}");
+        let body = format!("M {}", to - self.origin);
         match self.asked(&body)?.as_str() {
             "ok" => {}
             // After a start of its own it knows no position.

@@ -55,7 +55,7 @@ pub struct Settings {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Reference {
-    /// Where the stage stands when a run begins.
+    /// Where the stage stands when a run begins. A run that is taken up again goes on from where it left the stage.
     #[default]
     Here,
     /// Where the reference switch opens.

@@ -22,6 +22,8 @@ pub struct ControllerStage {
 enum Wanted {
     Home,
     /// Degrees.
+    TakeUp(f64),
+    /// Degrees.
     MoveTo(f64),
     /// Who asks is told by a line of its own.
     Photograph(Sender<Result<(), RigError>>),
@@ -80,6 +82,7 @@ fn serve(
     loop {
         let done = match wants.recv_timeout(each) {
             Ok(Wanted::Home) => machine.home(),
+            Ok(Wanted::TakeUp(deg)) => machine.take_up(deg),
             Ok(Wanted::MoveTo(deg)) => machine.move_to(deg),
             Ok(Wanted::Photograph(answer)) => {
                 // Whoever asked and went away does not want to know.
@@ -102,6 +105,10 @@ fn serve(
 impl RotationStage for ControllerStage {
     fn home(&mut self) -> Result<Angle, RigError> {
         self.ask(Wanted::Home)
+    }
+
+    fn take_up(&mut self, stands: Angle) -> Result<Angle, RigError> {
+        self.ask(Wanted::TakeUp(stands.deg()))
     }
 
     fn move_to(&mut self, target: Angle) -> Result<Angle, RigError> {

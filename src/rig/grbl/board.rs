@@ -261,7 +261,8 @@ impl Board {
         }
     }
 
-    pub fn zero_here(&mut self) -> Result<(), RigError> {
+    /// Where it stands now is this angle, degrees.
+    pub fn stands_at(&mut self, deg: f64) -> Result<(), RigError> {
         let mut state = self.state()?;
         if state.name == "Alarm" {
             // Locked from its start, where homing is turned on; here nobody asks where it was before.
@@ -269,7 +270,7 @@ impl Board {
             self.done("$X", within)?;
             state = self.idle(Duration::ZERO, "unlocking")?;
         }
-        self.zero_deg = Some(self.whole_step(state.position_deg));
+        self.zero_deg = Some(self.whole_step(state.position_deg - deg));
         Ok(())
     }
 

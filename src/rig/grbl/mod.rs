@@ -30,10 +30,17 @@ pub fn open(settings: &Settings) -> Result<GrblStage, RigError> {
 impl RotationStage for GrblStage {
     fn home(&mut self) -> Result<Angle, RigError> {
         match self.settings.reference {
-            Reference::Here => self.board.zero_here()?,
+            Reference::Here => self.board.stands_at(0.0)?,
             Reference::Switch => self.board.find_switch()?,
         }
         self.board.go_from_below(0.0).map(Angle::from_deg)
+    }
+
+    fn take_up(&mut self, stands: Angle) -> Result<Angle, RigError> {
+        match self.settings.reference {
+            Reference::Here => self.board.stands_at(stands.deg()).map(|()| stands),
+            Reference::Switch => self.home(),
+        }
     }
 
     fn move_to(&mut self, target: Angle) -> Result<Angle, RigError> {

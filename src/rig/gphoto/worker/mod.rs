@@ -28,11 +28,16 @@ use std::time::Duration;
 /// How long the library may take to let go of the camera once nobody wants it any more.
 const LEAVING: Duration = Duration::from_millis(1500);
 
+/// What this process is called, of at most 15 letters.
+const NAME: &str = "grainrig-camera";
+
 /// A file of the camera: its name there, and its bytes.
 type NamedFile = (String, Vec<u8>);
 
 /// Does what the parent asks, until its requests end.
 pub fn run() -> ExitCode {
+    // It was started as `/proc/self/exe`, and `exe` is what others would be told that holds the camera. A name is a courtesy.
+    let _ = std::fs::write("/proc/self/comm", NAME);
     match serve() {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => {
