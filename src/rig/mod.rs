@@ -170,3 +170,11 @@ pub enum RigError {
     #[error("the recording ends after {0} views; the plan asks for more")]
     RecordingEnds(usize),
 }
+
+/// What a stage without a reference switch can't know when a run is taken up.
+fn warn_taken_up(deg: f64) {
+    tracing::warn!(
+        "without a reference switch the stage is taken to stand at {deg:.2}°, where the interrupted run sent it last: if it has \
+         been turned since, or its power failed while it turned, begin a new capture"
+    );
+}

@@ -42,7 +42,10 @@ fn a_run_that_was_ended_is_resumed_at_the_angles_that_it_would_have_had() {
     running.end();
     let stands = board.position();
     assert!((3 * 64..1600).contains(&stands) && stands % 64 == 0, "{stands}");
-    lab.run(&["--config", "one.toml", "resume", "ended"]).succeeds();
+    let ran = lab.run(&["--config", "one.toml", "resume", "ended"]).succeeds();
+    let deg = f64::from(stands as i32) * 180.0 / 1600.0;
+    let told = format!("the stage is taken to stand at {deg:.2}°, where the interrupted run sent it last");
+    assert!(ran.stderr.contains(&told), "{told}: {}", ran.stderr);
     let state = board.state();
     assert_eq!((&state["position"], &state["idle_steps"]), (&1600.into(), &0.into()));
     assert_eq!(

@@ -2,8 +2,8 @@
 
 use super::link::{Link, LinkError};
 use super::settings::{Reference, Settings};
-use crate::rig::RigError;
 use crate::rig::serial::Port;
+use crate::rig::{RigError, warn_taken_up};
 use std::path::Path;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -214,6 +214,7 @@ impl Machine {
             return self.home();
         }
         self.rest()?;
+        warn_taken_up(deg);
         self.stands_at(self.settings.position(deg))?;
         self.referenced = true;
         Ok(deg)

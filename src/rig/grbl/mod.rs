@@ -8,7 +8,7 @@ mod settings;
 
 pub use settings::{Reference, Settings};
 
-use super::{RigError, RotationStage};
+use super::{RigError, RotationStage, warn_taken_up};
 use crate::geometry::Angle;
 use board::Board;
 
@@ -38,7 +38,10 @@ impl RotationStage for GrblStage {
 
     fn take_up(&mut self, stands: Angle) -> Result<Angle, RigError> {
         match self.settings.reference {
-            Reference::Here => self.board.stands_at(stands.deg()).map(|()| stands),
+            Reference::Here => {
+                warn_taken_up(stands.deg());
+                self.board.stands_at(stands.deg()).map(|()| stands)
+            }
             Reference::Switch => self.home(),
         }
     }
