@@ -43,9 +43,9 @@ fn main() {
             break;
         }
     }
-    let before = steps(&daemon);
+    let before = points(&daemon);
     let beside = median(&lab, &daemon, "beside");
-    assert!(steps(&daemon) > before, "the compression has stood still");
+    assert!(points(&daemon) > before, "the compression has stood still");
     for (k, what) in ["a view", "a capture to its mesh"].into_iter().enumerate() {
         let (alone, beside) = (alone[k], beside[k]);
         println!(
@@ -57,8 +57,8 @@ fn main() {
     }
 }
 
-/// How far the compression's curve goes, as its points.
-fn steps(daemon: &Daemon) -> usize {
+/// Points of the compression's curve so far.
+fn points(daemon: &Daemon) -> usize {
     daemon.get("/status").1["compression"]["curve"].as_array().map_or(0, Vec::len)
 }
 
