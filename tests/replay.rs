@@ -2,13 +2,14 @@
 
 mod kit;
 
+use grainrig::acquire::Control;
 use grainrig::config::Config;
-use grainrig::daemon::{self, Watcher};
+use grainrig::daemon::{self, DaemonError, Watcher};
 use grainrig::geometry::Angle;
 use grainrig::pipeline::{Cameras, TurntableSettings};
-use grainrig::session::event::Happening;
+use grainrig::session::event::{Event, Happening};
 use grainrig::session::import::{ImportRequest, scan};
-use grainrig::session::{Manifest, State, Store};
+use grainrig::session::{Manifest, Recording, State, Store, verify};
 use kit::{Lab, MM_PER_PX, Ran, VIEWS, files, read};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -35,6 +36,79 @@ fn a_replay_gives_the_recorded_bytes_on_any_number_of_threads() {
         assert_eq!(lab.products("a"), recorded, "{threads} threads");
     }
     assert_eq!(read(&lab.session("a").join("journal.jsonl")), journal);
+    lab.assert_sound("a");
+}
+
+/// Which plans: a few, among them some that did not replay once, or all of 2 to 72 views.
+fn plans() -> Vec<u32> {
+    if std::env::var_os("GRAINRIG_PLANS").is_some() { (2..=72).collect() } else { vec![2, 12, 15, 25] }
+}
+
+/// A plan of so many views over half a turn (over a whole one where `whole_turn`), as quick as can be.
+fn quick(views: u32, whole_turn: bool, faults: &str) -> Config {
+    let half_turn = if whole_turn { 400 } else { 200 };
+    let text = format!(
+        "plan = {{ views = {views}, steps_per_view = {}, settle_ms = 0 }}\nreport = {{ pictures = false }}\n\
+         optics = {{ mm_per_px = 0.018 }}\nhull = {{ voxel_mm = 0.06 }}\nmesh = {{ surface_size_mm = 0.24 }}\n\
+         [simulated]\nwidth = 162\nheight = 108\nmm_per_px = 0.018\nwobble_px = 0.0\nnoise_sd = 1.0\n{faults}",
+        half_turn / views
+    );
+    toml::from_str(&text).unwrap()
+}
+
+/// Captures a plan, aborting it after so many views and going on with it where that is asked, and replays it.
+fn replays(views: u32, whole_turn: bool, faults: &str, abort_after: Option<usize>) {
+    let what = format!("{views} views, whole turn {whole_turn}, {faults:?}, aborted after {abort_after:?}");
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path().join("a");
+    let control = Arc::new(Control::new());
+    let (seen, stop) = (Arc::new(Mutex::new(0)), Arc::clone(&control));
+    let watcher: Watcher = Arc::new(move |event| {
+        let mut seen = seen.lock().unwrap();
+        *seen += usize::from(matches!(event.what, Happening::Captured { .. }));
+        if abort_after == Some(*seen) {
+            stop.abort();
+        }
+    });
+    let done = daemon::capture(dir.path(), "a", &quick(views, whole_turn, faults), None, &control, &watcher);
+    let quiet: Watcher = Arc::new(|_| {});
+    match (done, abort_after) {
+        (Err(DaemonError::Aborted { .. }), Some(_)) => {
+            daemon::resume(&folder, None, &Control::new(), &quiet).unwrap_or_else(|e| panic!("{what}: {e}"));
+        }
+        (done, _) => drop(done.unwrap_or_else(|e| panic!("{what}: {e}"))),
+    }
+    if faults.contains("_frame_at") {
+        let recording = Recording::read(&folder).unwrap();
+        let rejected = |e: &&Event| matches!(e.what, Happening::Rejected { .. });
+        assert!(recording.events().iter().find(rejected).is_some(), "{what}: no picture was taken again");
+    }
+    let again = daemon::replay(&folder, &quiet).unwrap_or_else(|e| panic!("{what}: {e}"));
+    assert_eq!(again.differs, Vec::<String>::new(), "{what}");
+    assert!(verify(&folder).unwrap().is_sound(), "{what}");
+}
+
+#[test]
+fn every_plan_replays_to_the_recorded_bytes_also_where_pictures_were_taken_again_and_runs_taken_up() {
+    let spoilt = "faults = { obstructed_frame_at = 1 }";
+    for views in plans() {
+        replays(views, false, "", None);
+        replays(views, false, spoilt, Some(1));
+        if std::env::var_os("GRAINRIG_PLANS").is_some() {
+            replays(views, true, "", Some(views as usize / 2));
+        }
+    }
+}
+
+#[test]
+fn the_default_configuration_replays_and_heals() {
+    let lab = Lab::new();
+    lab.run(&["capture", "a"]).succeeds();
+    let recorded = lab.products("a");
+    lab.run(&["replay", "a"]).succeeds();
+    std::fs::remove_file(lab.session("a").join("products/grain.inp")).unwrap();
+    lab.run(&["replay", "a"]).succeeds();
+    assert_eq!(lab.products("a"), recorded);
     lab.assert_sound("a");
 }
 

@@ -8,7 +8,7 @@ use crate::geometry::Angle;
 use crate::rig::{Camera, Frame, RigError, RotationStage};
 use crate::session::event::Happening;
 use crate::session::picture::{Size, probe};
-use crate::session::{Plan, PlannedView};
+use crate::session::{Plan, PlannedView, as_recorded};
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
@@ -247,6 +247,8 @@ impl Run<'_> {
         self.stands = None;
         let target = Angle::from_deg(commanded_deg);
         let reached = self.stage.move_to(target).map_err(|source| AcquireError::Stage { view, source })?;
+        // From here on there is only the angle that the record will have: what a run judges by, a replay judges by too.
+        let reached = as_recorded(reached);
         let reached_deg = reached.deg();
         let tolerance_deg = self.plan.tolerance_deg;
         // Written so that a reading which is no number is a miss.

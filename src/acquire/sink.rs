@@ -53,14 +53,16 @@ pub trait FrameSink {
 
 /// Looks at pictures before they are kept and takes those that are.
 pub trait Judge: Send {
-    /// Looks at a whole picture before it is kept.
+    /// What it works out about a picture, for [`Judge::kept`].
+    type Seen;
+    /// Looks at a whole picture before it is kept. The angle is the one that the record will have.
     ///
     /// # Errors
     /// Why it is to be taken again: value, unit, limit and remedy.
-    fn examine(&mut self, view: &PlannedView, reached: Angle, frame: &Frame) -> Result<(), String>;
+    fn examine(&mut self, view: &PlannedView, reached: Angle, frame: &Frame) -> Result<Self::Seen, String>;
     /// A picture is durable and its verdict is told. This may block (a bounded channel): the session is not locked
     /// meanwhile, and only the next picture waits.
-    fn kept(&mut self, view: CapturedView, frame: Frame);
+    fn kept(&mut self, view: CapturedView, frame: Frame, seen: Self::Seen);
 }
 
 /// A picture on its way to the thread that keeps it.
@@ -113,15 +115,15 @@ fn keep(
     for Offered { view, reached, frame, remaining_s } in offered {
         let (fate, captured) = match judge.examine(&view, reached, &frame) {
             Err(cause) => (Ok(Fate::Refused(cause)), None),
-            Ok(()) => match lock(session).record_frame(view.index, reached, &frame, remaining_s) {
-                Ok(captured) => (Ok(Fate::Kept), Some(captured)),
+            Ok(seen) => match lock(session).record_frame(view.index, reached, &frame, remaining_s) {
+                Ok(captured) => (Ok(Fate::Kept), Some((captured, seen))),
                 Err(error) => (Err(error), None),
             },
         };
         // Where the run is gone nobody wants to know; the picture is kept all the same.
         let _ = tell.send(fate);
-        if let Some(captured) = captured {
-            judge.kept(captured, frame);
+        if let Some((captured, seen)) = captured {
+            judge.kept(captured, frame, seen);
         }
     }
 }

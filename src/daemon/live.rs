@@ -9,10 +9,10 @@ use super::{DaemonError, Watcher};
 use crate::acquire::{self, Control, Judge, Outcome, QualityMode, SessionSink, SystemClock};
 use crate::config::{CameraKind, Config, ConfigError, RigKind, ServeSettings};
 use crate::geometry::Angle;
-use crate::pipeline::{Cameras, Gate, MeshSettings, View};
+use crate::pipeline::{Cameras, CutOut, Gate, MeshSettings, View};
 use crate::rig::Frame;
 use crate::rig::simulated::TruthHandle;
-use crate::session::event::{CapturedView, Role};
+use crate::session::event::CapturedView;
 use crate::session::replay::replay;
 use crate::session::{
     Manifest, Origin, PlannedView, Session, State, Store, check_space, required_bytes, write_whole,
@@ -93,10 +93,6 @@ pub(super) fn begin(data: &Path, name: &str, config: &Config) -> Result<Begun, D
     Ok(Begun { session, rig, mesh: None, gates: config.acquire.quality == QualityMode::Gate })
 }
 
-fn view_of(index: usize, role: Role, angle: Angle, bytes: Vec<u8>) -> View {
-    View { index, role, angle, bytes, cut_out: None }
-}
-
 /// Has the gate look at pictures, where there is one, and hands those that are kept to the pipeline.
 struct Examiner<'a> {
     gate: Option<Gate<'a>>,
@@ -104,16 +100,18 @@ struct Examiner<'a> {
 }
 
 impl Judge for Examiner<'_> {
-    fn examine(&mut self, view: &PlannedView, reached: Angle, frame: &Frame) -> Result<(), String> {
-        let Some(gate) = &mut self.gate else { return Ok(()) };
-        gate.examine(&view_of(view.index, view.role, reached, frame.bytes.clone()))
+    /// Where there is a gate, what it has cut out.
+    type Seen = Option<CutOut>;
+
+    fn examine(&mut self, view: &PlannedView, reached: Angle, frame: &Frame) -> Result<Self::Seen, String> {
+        self.gate.as_ref().map(|gate| gate.examine(view.index, reached, &frame.bytes)).transpose()
     }
 
-    fn kept(&mut self, view: CapturedView, frame: Frame) {
-        let view = view_of(view.view, view.role, Angle::from_deg(view.reached_deg), frame.bytes);
-        let view = match &mut self.gate {
-            Some(gate) => gate.pass(view),
-            None => view,
+    fn kept(&mut self, view: CapturedView, frame: Frame, seen: Self::Seen) {
+        let view = View::recorded(&view, frame.bytes);
+        let view = match (&mut self.gate, seen) {
+            (Some(gate), Some(cut_out)) => gate.pass(view, cut_out),
+            _ => view,
         };
         // A pipeline that has failed takes no more views; the capture goes on all the same.
         let _ = self.send.send(view);

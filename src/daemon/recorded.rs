@@ -57,13 +57,7 @@ pub(super) fn send_recorded(
     mut through: impl FnMut(View) -> View,
 ) -> Result<(), DaemonError> {
     for captured in recording.views() {
-        let view = View {
-            index: captured.view,
-            role: captured.role,
-            angle: Angle::from_deg(captured.reached_deg),
-            bytes: recording.frame(captured.view)?.bytes,
-            cut_out: None,
-        };
+        let view = View::recorded(captured, recording.frame(captured.view)?.bytes);
         if send.send(through(view)).is_err() {
             break;
         }
@@ -291,13 +285,12 @@ impl FrameSink for ReplaySink<'_> {
         Ok(Earlier::default())
     }
 
-    fn offer(&mut self, view: &PlannedView, reached: Angle, frame: Frame, remaining_s: Option<f64>) {
-        if let Some(captured) = self.recording.view(view.index) {
-            self.numbered.tell(Happening::Captured { view: captured.clone(), remaining_s });
-        }
+    fn offer(&mut self, view: &PlannedView, _: Angle, frame: Frame, remaining_s: Option<f64>) {
+        // Every view of the plan is recorded, which is seen to before a replay begins.
+        let Some(captured) = self.recording.view(view.index) else { return };
+        self.numbered.tell(Happening::Captured { view: captured.clone(), remaining_s });
         // A pipeline that has failed takes no more; its error is what the replay returns.
-        let (index, role, bytes) = (view.index, view.role, frame.bytes);
-        let _ = self.send.send(View { index, role, angle: reached, bytes, cut_out: None });
+        let _ = self.send.send(View::recorded(captured, frame.bytes));
     }
 
     fn verdict(&mut self) -> Result<Fate, SessionError> {

@@ -33,7 +33,7 @@ pub use settings::{
     Cameras, HullSettings, LengthUnit, MeshSettings, ReportSettings, Settings, TurntableSettings,
 };
 pub use stand::ContactPatch;
-pub use stream::{Observer, Pipeline, View};
+pub use stream::{CutOut, Observer, Pipeline, View};
 
 use crate::calibrate::AxisError;
 use crate::export::ExportError;

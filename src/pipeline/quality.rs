@@ -2,7 +2,9 @@
 //! that an acquisition sends its pictures through.
 
 use super::reconstruct::Taken;
+use super::stream::CutOut;
 use super::{Cameras, Observer, Pipeline, PipelineError, View};
+use crate::geometry::Angle;
 use crate::session::event::Happening;
 use crate::silhouette::{Check, Placed, Traits, Verdict, ViewQuality, against, between};
 
@@ -56,30 +58,29 @@ pub struct Gate<'a> {
     pipeline: &'a Pipeline,
     /// Views that have passed: index, angle in degrees, figures.
     passed: Vec<(usize, f64, Traits)>,
-    ready: Option<Taken>,
 }
 
 impl<'a> Gate<'a> {
     /// A gate before a pipeline; nothing has passed it yet.
     pub fn new(pipeline: &'a Pipeline) -> Self {
-        Self { pipeline, passed: Vec::new(), ready: None }
+        Self { pipeline, passed: Vec::new() }
     }
 
-    /// Looks at a picture that is not kept yet.
+    /// Looks at a picture that is not kept yet. The angle is the one that the journal will have. What it works out is
+    /// for [`Gate::pass`], should the picture be kept.
     ///
     /// # Errors
     /// Why it must be taken again, with value, unit, limit and remedy: no grain is found, or a check is bad.
-    pub fn examine(&mut self, view: &View) -> Result<(), String> {
-        self.ready = None;
-        let taken = self.pipeline.cut_out(view).map_err(|error| cause(&error))?;
+    pub fn examine(&self, index: usize, reached: Angle, bytes: &[u8]) -> Result<CutOut, String> {
+        let cut_out = self.pipeline.cut_out(index, bytes).map_err(|error| cause(&error))?;
         let turns = matches!(self.pipeline.cameras, Cameras::Turntable(_));
         let angle = |deg: f64| turns.then_some(deg);
         let earlier: Vec<Placed> = (self.passed.iter())
             .map(|(index, deg, traits)| Placed { index: *index, angle_deg: angle(*deg), traits })
             .collect();
-        let own = taken.quality.iter().flat_map(|q| q.checks.iter().cloned());
-        let beside = taken.traits.iter().flat_map(|traits| {
-            let here = Placed { index: view.index, angle_deg: angle(view.angle.deg()), traits };
+        let own = cut_out.quality().into_iter().flat_map(|q| q.checks.iter().cloned());
+        let beside = cut_out.traits().into_iter().flat_map(|traits| {
+            let here = Placed { index, angle_deg: angle(reached.deg()), traits };
             against(&earlier, &here)
         });
         let bad: Vec<String> =
@@ -87,29 +88,24 @@ impl<'a> Gate<'a> {
         if !bad.is_empty() {
             return Err(bad.join("; "));
         }
-        self.ready = Some(taken);
-        Ok(())
+        Ok(cut_out)
     }
 
     /// The picture of this view is kept: later ones are compared with it. Returns the view for the pipeline, with
-    /// what [`Gate::examine`] worked out about it.
-    pub fn pass(&mut self, mut view: View) -> View {
-        let ready = self.ready.take().filter(|t| t.index == view.index);
-        if let Some(taken) = ready {
-            self.passed.extend(taken.traits.clone().map(|t| (view.index, view.angle.deg(), t)));
-            view.cut_out = Some(Box::new(taken));
-        }
-        view
+    /// what [`Gate::examine`] worked out about the same bytes.
+    pub fn pass(&mut self, view: View, cut_out: CutOut) -> View {
+        let (index, angle) = view.place();
+        self.passed.extend(cut_out.traits().map(|t| (index, angle.deg(), t.clone())));
+        view.with(cut_out)
     }
 
     /// Lets a picture through that an earlier run has kept, whatever it is like.
-    pub fn pass_recorded(&mut self, mut view: View) -> View {
+    pub fn pass_recorded(&mut self, view: View) -> View {
         // What is wrong with it the pipeline says.
-        if let Ok(taken) = self.pipeline.cut_out(&view) {
-            self.passed.extend(taken.traits.clone().map(|t| (view.index, view.angle.deg(), t)));
-            view.cut_out = Some(Box::new(taken));
+        match self.pipeline.cut_out(view.place().0, view.bytes()) {
+            Ok(cut_out) => self.pass(view, cut_out),
+            Err(_) => view,
         }
-        view
     }
 }
 

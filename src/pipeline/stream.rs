@@ -8,8 +8,8 @@ use crate::calibrate::Turntable;
 use crate::geometry::{Aabb, Angle, Point};
 use crate::hull::{Cone, HullGrid};
 use crate::report::Shot;
-use crate::session::event::{Happening, Role};
-use crate::silhouette::{self, Source, ViewQuality};
+use crate::session::event::{CapturedView, Happening, Role};
+use crate::silhouette::{self, Found, Source, Traits, ViewQuality};
 use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -26,19 +26,75 @@ pub type Observer<'a> = dyn Fn(Happening) + Sync + 'a;
 /// A view's place in the order of arrival, its index, and what became of it.
 type Outcome = (usize, usize, Result<Taken, PipelineError>);
 
-/// One view on its way in.
+/// One view on its way in: what a session has recorded, and nothing else. There is one way to make it, so that a live
+/// run and a replay of it compute from the same numbers.
 #[derive(Debug, Clone)]
 pub struct View {
-    /// Index in the plan.
-    pub index: usize,
-    /// What it is for.
-    pub role: Role,
-    /// The stage's angle.
-    pub angle: Angle,
+    index: usize,
+    role: Role,
+    angle: Angle,
+    bytes: Vec<u8>,
+    cut_out: Option<Box<CutOut>>,
+}
+
+impl View {
+    /// The view that a journal's record and the bytes of its picture file make.
+    pub fn recorded(captured: &CapturedView, bytes: Vec<u8>) -> Self {
+        let angle = Angle::from_deg(captured.reached_deg);
+        Self { index: captured.view, role: captured.role, angle, bytes, cut_out: None }
+    }
+
+    /// With what a [`Gate`](super::Gate) has worked out already about the same bytes.
+    pub(super) fn with(self, cut_out: CutOut) -> Self {
+        Self { cut_out: Some(Box::new(cut_out)), ..self }
+    }
+
+    /// Its place for the views beside it: index and angle.
+    pub(super) fn place(&self) -> (usize, Angle) {
+        (self.index, self.angle)
+    }
+
     /// The picture file's bytes.
-    pub bytes: Vec<u8>,
-    /// What a [`Gate`](super::Gate) has worked out about it already.
-    pub cut_out: Option<Box<Taken>>,
+    pub(super) fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+}
+
+/// What a picture's bytes say by themselves, whichever view they are of.
+#[derive(Debug, Clone)]
+pub struct CutOut {
+    found: Found,
+    shot: Option<Shot>,
+    quality: Option<ViewQuality>,
+    traits: Option<Traits>,
+    seconds: f64,
+}
+
+impl CutOut {
+    /// What is wrong with the picture by itself, if anything is.
+    pub(super) fn quality(&self) -> Option<&ViewQuality> {
+        self.quality.as_ref()
+    }
+
+    /// Its figures, to be compared with other views'.
+    pub(super) fn traits(&self) -> Option<&Traits> {
+        self.traits.as_ref()
+    }
+
+    /// As the cut-out of a view.
+    fn of(self, view: &View) -> Taken {
+        Taken {
+            index: view.index,
+            role: view.role,
+            angle: view.angle,
+            silhouette: Arc::new(self.found.silhouette.clone()),
+            found: self.found,
+            shot: self.shot,
+            quality: self.quality,
+            traits: self.traits,
+            seconds: self.seconds,
+        }
+    }
 }
 
 /// The computation of one session.
@@ -157,45 +213,41 @@ impl Pipeline {
             let place = queue.0;
             queue.0 += 1;
             drop(queue);
-            let taken = match view.cut_out.take() {
-                Some(taken) => Ok(*taken),
-                None => self.cut_out(&view),
+            let cut_out = match view.cut_out.take() {
+                Some(cut_out) => Ok(*cut_out),
+                None => self.cut_out(view.index, &view.bytes),
             };
-            if send.send((place, view.index, taken)).is_err() {
+            if send.send((place, view.index, cut_out.map(|it| it.of(&view)))).is_err() {
                 return;
             }
         }
     }
 
-    /// Decodes a picture, finds its silhouette and judges it.
-    pub(super) fn cut_out(&self, view: &View) -> Result<Taken, PipelineError> {
+    /// Decodes a picture, finds its silhouette and judges it. The view's index is for messages.
+    pub(super) fn cut_out(&self, view: usize, bytes: &[u8]) -> Result<CutOut, PipelineError> {
         let start = Instant::now();
-        let picture = Photograph::open(&view.bytes).map_err(|reason| PipelineError::Decode {
-            view: view.index,
-            bytes: view.bytes.len(),
+        let picture = Photograph::open(bytes).map_err(|reason| PipelineError::Decode {
+            view,
+            bytes: bytes.len(),
             reason,
         })?;
         let background = self.background.as_ref().map(|stage| stage as &dyn Source);
         let found = silhouette::find(&picture, background, &self.settings.silhouette)
-            .map_err(|source| PipelineError::Silhouette { view: view.index, source })?;
+            .map_err(|source| PipelineError::Silhouette { view, source })?;
         // Given cameras say what the picture covers; before a turntable the whole grain must be seen.
         if matches!(self.cameras, Cameras::Turntable(_)) {
             let sides = silhouette::Side::ALL.iter().zip(found.report.touches_border);
             // Whether a pedestal or the grain reaches the lower border is known when all views are in.
             let sides = sides.filter(|s| s.1 && *s.0 != silhouette::Side::Bottom);
             if let Some(side) = sides.map(|s| s.0.name()).next() {
-                return Err(PipelineError::CutByBorder { view: view.index, side });
+                return Err(PipelineError::CutByBorder { view, side });
             }
         }
         let (quality, traits) = self
             .judges
             .then(|| silhouette::assess(&picture, &found))
             .map_or((None, None), |(q, t)| (Some(q), Some(t)));
-        Ok(Taken {
-            index: view.index,
-            role: view.role,
-            angle: view.angle,
-            silhouette: Arc::new(found.silhouette.clone()),
+        Ok(CutOut {
             shot: self.settings.report.pictures.then(|| Shot::of(&picture, &found.silhouette)),
             found,
             quality,

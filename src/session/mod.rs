@@ -33,4 +33,4 @@ pub use name::check_name;
 pub use recording::{Recording, State};
 pub use store::{Staged, Store, Summary};
 pub use verify::{Fault, VerifyReport, verify};
-pub use writer::{ProductWriter, Session};
+pub use writer::{ProductWriter, Session, as_recorded};

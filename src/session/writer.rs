@@ -199,6 +199,11 @@ fn on_record(deg: f64) -> f64 {
     (deg * 1e9).round() / 1e9
 }
 
+/// The angle that a reader of the record gets for this one.
+pub fn as_recorded(angle: Angle) -> Angle {
+    Angle::from_deg(on_record(angle.deg()))
+}
+
 /// A product that is being written.
 #[derive(Debug)]
 pub struct ProductWriter {

@@ -159,13 +159,15 @@ struct Looking {
 }
 
 impl Judge for Looking {
+    type Seen = ();
+
     fn examine(&mut self, _: &PlannedView, _: Angle, _: &Frame) -> Result<(), String> {
         let this = self.examined;
         self.examined += 1;
         (self.script.at)(Step::Examine(this));
         if self.script.unfit.contains(&this) { Err("focus is 9 px".into()) } else { Ok(()) }
     }
-    fn kept(&mut self, view: CapturedView, _: Frame) {
+    fn kept(&mut self, view: CapturedView, _: Frame, (): ()) {
         self.passed_on.lock().unwrap().push(view.view);
     }
 }
