@@ -98,6 +98,14 @@ pub(super) fn resume(common: &Common, arguments: &ResumeArguments) -> Result<()>
     progress.finish();
     match outcome? {
         Resumed::Done(done) => report(common, &done),
+        Resumed::MadeAgain { done, lost } => {
+            say(format!(
+                "note: {} of the session's products were missing or had changed ({}) and are made again",
+                lost.len(),
+                lost.join(", ")
+            ));
+            report(common, &done)
+        }
         Resumed::NothingToDo { session, views, result } => {
             say(format!(
                 "session {session} is complete: its {views} views are captured and its products made, \

@@ -3,7 +3,7 @@
 use super::DaemonError;
 use crate::pipeline::MeshSettings;
 use crate::pipeline::{CONVERGENCE, Reconstruction, ResultFile, SHEET, products};
-use crate::session::event::{Happening, ProductRecord};
+use crate::session::event::{Event, Happening, ProductRecord};
 use crate::session::{Recording, Session, sha256_hex};
 use std::collections::BTreeMap;
 use std::io::Write as _;
@@ -49,21 +49,44 @@ pub(super) fn result_of(files: &[(String, Vec<u8>)]) -> Result<serde_json::Value
     serde_json::from_slice(text).map_err(|e| DaemonError::Encode(e.to_string()))
 }
 
-/// Writes the products whole into the session and journals them.
+/// Writes the products into the session, valid all at once, and journals them.
 pub(super) fn write(
     session: &mut Session,
-    files: Vec<(String, Vec<u8>)>,
+    files: &[(String, Vec<u8>)],
     timing_s: serde_json::Value,
     mesh: Option<&MeshSettings>,
 ) -> Result<Vec<ProductRecord>, DaemonError> {
-    let mut records = Vec::new();
-    for (name, bytes) in files {
-        records.push(write_one(session, &name, &bytes)?);
-    }
     let settings =
         mesh.map(serde_json::to_value).transpose().map_err(|e| DaemonError::Encode(e.to_string()))?;
-    session.append(Happening::Products { files: records.clone(), timing_s, settings })?;
-    Ok(records)
+    Ok(session.put_products(files, timing_s, settings)?)
+}
+
+/// Whether the newest products are journalled, and that all is done is not: a run was killed between the two.
+pub(super) fn lacks_end(recording: &Recording) -> bool {
+    let of = |e: &Event| match e.what {
+        Happening::Products { .. } => Some(true),
+        Happening::Complete { .. }
+        | Happening::Failed { .. }
+        | Happening::Aborted
+        | Happening::Started { .. } => Some(false),
+        _ => None,
+    };
+    recording.events().iter().rev().find_map(of).unwrap_or(false)
+}
+
+/// Journals that all is done where only that is missing and the products are whole.
+pub(super) fn end(session: &mut Session) -> Result<(), DaemonError> {
+    let recording = session.recording();
+    if !lacks_end(recording) || !recording.changed_products().is_empty() {
+        return Ok(());
+    }
+    let path = recording.product_path(RESULT)?;
+    let text = std::fs::read(&path).map_err(|source| DaemonError::Write { path, source })?;
+    let result = serde_json::from_slice(&text).map_err(|e| DaemonError::Encode(e.to_string()))?;
+    session.append(Happening::Complete { result })?;
+    let folder = session.recording().folder().display();
+    tracing::warn!("{folder}: a run was killed before it recorded its end; the session is complete now");
+    Ok(())
 }
 
 fn write_one(session: &Session, name: &str, bytes: &[u8]) -> Result<ProductRecord, DaemonError> {

@@ -1,9 +1,10 @@
 //! Capture on the rig: the stage turns, the session fills, the pipeline computes alongside.
 
 use super::devices;
-use super::finish::{Finished, product_paths};
+use super::finish::{self, Finished, product_paths};
 use super::recorded::{
-    WAITING_VIEWS, check_views, computation, conclude, lock, made_before, note, send_recorded,
+    MadeBefore, WAITING_VIEWS, check_views, computation, conclude, lock, made_before, note, reconstruct,
+    replay, send_recorded,
 };
 use super::{DaemonError, Watcher};
 use crate::acquire::{self, Control, Judge, Outcome, QualityMode, SessionSink, SystemClock};
@@ -13,7 +14,7 @@ use crate::pipeline::{Cameras, CutOut, Gate, MeshSettings, View};
 use crate::rig::Frame;
 use crate::rig::simulated::TruthHandle;
 use crate::session::event::CapturedView;
-use crate::session::replay::replay;
+use crate::session::replay::replay as play;
 use crate::session::{
     Manifest, Origin, PlannedView, Session, State, Store, check_space, required_bytes, write_whole,
 };
@@ -123,6 +124,13 @@ impl Judge for Examiner<'_> {
 pub enum Resumed {
     /// It went on to its end.
     Done(Box<Finished>),
+    /// All was captured, and products were missing or changed: they are made again.
+    MadeAgain {
+        /// The result.
+        done: Box<Finished>,
+        /// Names of the products.
+        lost: Vec<String>,
+    },
     /// It is complete: nothing was done.
     NothingToDo {
         /// Name of the session.
@@ -147,10 +155,17 @@ pub fn resume(
     control: &Control,
     watcher: &Watcher,
 ) -> Result<Resumed, DaemonError> {
-    let session = Session::open(folder)?;
+    let mut session = Session::open(folder)?;
+    finish::end(&mut session)?;
     let recording = session.recording();
     let manifest = recording.manifest();
     if let (State::Complete, Some(result)) = (recording.state(), recording.result()) {
+        let lost = recording.changed_products();
+        if !lost.is_empty() {
+            let before = made_before(recording)?;
+            drop(session);
+            return made_again(folder, before, lost, watcher);
+        }
         let (session, views) = (manifest.name.clone(), recording.views().len());
         let mut result = result.clone();
         // The session may have been moved since.
@@ -168,11 +183,29 @@ pub fn resume(
         session.check_space(view_bytes(&config))?;
         devices::open(&config)?
     } else {
-        let (stage, camera) = replay(recording.clone());
+        let (stage, camera) = play(recording.clone());
         devices::Rig { stage: Box::new(stage), camera: Box::new(camera), truth: None }
     };
     let gates = missing && quality.unwrap_or(config.acquire.quality) == QualityMode::Gate;
     Begun { session, rig, mesh, gates }.run(None, control, watcher).map(|done| Resumed::Done(Box::new(done)))
+}
+
+/// Makes the products of a complete session again that are missing or are not the recorded bytes.
+fn made_again(
+    folder: &Path,
+    before: Option<MadeBefore>,
+    lost: Vec<String>,
+    watcher: &Watcher,
+) -> Result<Resumed, DaemonError> {
+    let again = replay(folder, watcher)?;
+    let done = if again.differs.is_empty() {
+        again.finished
+    } else {
+        // Another version's bytes are not to be had back: a new set, whole.
+        let pictures = before.as_ref().is_none_or(|b| b.pictures);
+        reconstruct(folder, before.and_then(|b| b.mesh).as_ref(), pictures, watcher)?
+    };
+    Ok(Resumed::MadeAgain { done: Box::new(done), lost })
 }
 
 impl Begun {

@@ -171,7 +171,7 @@ pub(super) fn conclude(
         let files = finish::render(&made, &manifest.software, &manifest.name, timing.clone())?;
         // As the file has it: with the products' names, not with their places on this computer.
         let result = finish::result_of(&files)?;
-        let records = finish::write(&mut session, files, timing, mesh)?;
+        let records = finish::write(&mut session, &files, timing, mesh)?;
         let folder = session.recording().folder().to_owned();
         let done = finish::finished(&made, &manifest.software, &folder, &manifest.name, records);
         session.append(Happening::Complete { result })?;
@@ -199,7 +199,13 @@ pub struct Replayed {
 /// # Errors
 /// [`DaemonError`] where views are missing, a file has changed, or the computation fails.
 pub fn replay(folder: &Path, watcher: &Watcher) -> Result<Replayed, DaemonError> {
-    let recording = Recording::read(folder)?;
+    let mut recording = Recording::read(folder)?;
+    if recording.is_unsettled() || finish::lacks_end(&recording) {
+        // A run was killed while it put its products in their place.
+        let mut session = Session::open(folder)?;
+        finish::end(&mut session)?;
+        recording = session.recording().clone();
+    }
     let plan = Plan { settle_ms: 0, retakes: 0, ..recording.manifest().plan.clone() };
     check_views(&recording)?;
     let (_, mut pipeline) = computation(&recording)?;
@@ -243,6 +249,9 @@ pub fn replay(folder: &Path, watcher: &Watcher) -> Result<Replayed, DaemonError>
     let software = &recording.manifest().software;
     let files = finish::render(&made, software, session, timing_s)?;
     let differs = finish::compare(&recording, files)?;
+    if finish::lacks_end(&recording) && differs.is_empty() {
+        finish::end(&mut Session::open(folder)?)?;
+    }
     let records = recording.products().cloned().collect();
     let finished = finish::finished(&made, software, recording.folder(), session, records);
     Ok(Replayed { finished, differs })

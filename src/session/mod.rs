@@ -5,6 +5,7 @@
 //!           journal.jsonl    what happened, a line each, each with the hash of the line before
 //!           frames/          the camera's own bytes
 //!           products/        what was computed from them
+//!           products.next/   a set of products that is about to take their place
 //!           compressions/    the grain between two plates, a folder for each; no part of what was recorded
 //!           lock             held by the one process that writes
 //! ```
@@ -20,6 +21,7 @@ pub mod journal;
 pub mod manifest;
 mod name;
 pub mod picture;
+mod products;
 mod recording;
 pub mod replay;
 mod store;

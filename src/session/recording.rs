@@ -30,7 +30,7 @@ pub enum State {
     Aborted,
     /// The run failed; the journal's last record says why.
     Failed,
-    /// All views are captured; the products are not written yet.
+    /// All views are captured; the products are not written yet, or the record that all is done is missing.
     Captured,
     /// Everything is done.
     Complete,
@@ -186,7 +186,8 @@ impl Recording {
             Happening::Started { .. } | Happening::Captured { .. } | Happening::Homed => {
                 Some(State::Interrupted)
             }
-            Happening::AcquisitionComplete { .. } => Some(State::Captured),
+            // The products are there, and the record that says so is due.
+            Happening::AcquisitionComplete { .. } | Happening::Products { .. } => Some(State::Captured),
             Happening::Aborted => Some(State::Aborted),
             Happening::Failed { .. } => Some(State::Failed),
             Happening::Complete { .. } => Some(State::Complete),

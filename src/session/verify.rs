@@ -2,6 +2,7 @@
 
 use super::SessionError;
 use super::disk::{LOCK, Lock, sha256_hex};
+use super::products::{NEXT, OLD};
 use super::recording::{COMPRESSIONS, FRAMES, JOURNAL, MANIFEST, PRODUCTS, Recording, State};
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -91,6 +92,14 @@ pub enum Fault {
         /// SHA-256 recorded.
         recorded: String,
     },
+    /// Products that were made and recorded, and are not in their place: a run was killed in that instant.
+    #[error(
+        "{file}: the newest products, which a killed run left there; `grainrig resume` puts them in their place"
+    )]
+    Unfinished {
+        /// Their folder.
+        file: String,
+    },
     /// A file that nothing has recorded.
     #[error("{file}: not in the journal; remove it, or resume the session")]
     Extra {
@@ -151,14 +160,20 @@ pub fn verify(folder: &Path) -> Result<VerifyReport, SessionError> {
         report.faults.extend(compare(folder, &file, b.bytes, &b.sha256));
         known.insert(file);
     }
+    let place = recording.products_place();
+    if place != PRODUCTS && !report.busy {
+        report.faults.push(Fault::Unfinished { file: place.to_owned() });
+    }
     for p in recording.products() {
         report.products += 1;
-        let file = format!("{PRODUCTS}/{}", p.file);
+        let file = format!("{place}/{}", p.file);
         report.faults.extend(compare(folder, &file, p.bytes, &p.sha256));
         known.insert(file);
     }
     if !report.busy {
-        for sub in ["", FRAMES, PRODUCTS] {
+        // What a killed run has left beside the products the next opening removes.
+        known.extend([NEXT, OLD].map(str::to_owned));
+        for sub in ["", FRAMES, place] {
             let extra = list(folder, sub)?.into_iter().filter(|f| !known.contains(f));
             report.faults.extend(extra.map(|file| Fault::Extra { file }));
         }

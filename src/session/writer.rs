@@ -55,6 +55,7 @@ impl Session {
                 .and_then(|()| journal.sync_all())
                 .map_err(SessionError::io("repair", &path, 0))?;
         }
+        super::products::settle(&recording)?;
         // Products are made again from the frames, so their folder may have been cleared away.
         let products = folder.join(PRODUCTS);
         std::fs::create_dir_all(&products).map_err(SessionError::io("create", &products, 0))?;

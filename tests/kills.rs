@@ -1,0 +1,176 @@
+//! `kill -9` while products are made: at every instant a session's products are of one set, and what is not complete is
+//! not called so.
+
+mod kit;
+
+use grainrig::session::State;
+use kit::{Lab, Ran, files};
+use std::collections::{BTreeMap, BTreeSet};
+use std::os::unix::fs::MetadataExt as _;
+use std::path::Path;
+use std::process::Stdio;
+
+/// Files that must be of one mesh.
+const MESH: [&str; 3] = ["grain.inp", "grain.stl", "grain.vtu"];
+
+/// How many kills: 200 under GRAINRIG_KILLS=200, for instance.
+fn kills() -> usize {
+    std::env::var("GRAINRIG_KILLS").ok().and_then(|n| n.parse().ok()).unwrap_or(12)
+}
+
+/// Numbers from a seed (SplitMix64).
+struct Draws(u64);
+
+impl Draws {
+    fn below(&mut self, limit: usize) -> usize {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) % limit as u64) as usize
+    }
+
+    /// An event out of so many, every other time one of the last third, where products are written.
+    fn event(&mut self, events: usize) -> usize {
+        let all = events.max(3);
+        if self.below(2) == 0 { self.below(all) } else { all - 1 - self.below(all / 3) }
+    }
+}
+
+/// What a watcher sees of the data folder: each file with its number and length.
+fn seen(data: &Path) -> BTreeSet<(String, u64, u64)> {
+    fn add(folder: &Path, into: &mut BTreeSet<(String, u64, u64)>) {
+        let Ok(entries) = std::fs::read_dir(folder) else { return };
+        for entry in entries.flatten() {
+            let Ok(meta) = entry.metadata() else { continue };
+            into.insert((entry.path().display().to_string(), meta.ino(), meta.len()));
+            if meta.is_dir() && entry.file_name() != "frames" {
+                add(&entry.path(), into);
+            }
+        }
+    }
+    let mut all = BTreeSet::new();
+    add(data, &mut all);
+    all
+}
+
+/// Runs the program and kills it once the data folder has changed so often (never, where that is `None`); how often it
+/// changed, and whether it was killed.
+fn run_and_kill(lab: &Lab, args: &[&str], kill_at: Option<usize>) -> (usize, bool) {
+    let data = lab.path("data");
+    let (mut changes, mut before) = (0, seen(&data));
+    let mut child = lab.command(args).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            assert!(status.success(), "{args:?} ended with {status}");
+            return (changes, false);
+        }
+        let now = seen(&data);
+        changes += usize::from(now != before);
+        before = now;
+        if kill_at.is_some_and(|at| changes > at) {
+            child.kill().unwrap();
+            let status = child.wait().unwrap();
+            return (changes, !status.success());
+        }
+        std::thread::yield_now();
+    }
+}
+
+/// Hashes of the mesh's files, as a reader finds them now.
+fn mesh_of(lab: &Lab, session: &str) -> Vec<Option<String>> {
+    let there =
+        if lab.session(session).join("products").is_dir() { lab.products(session) } else { BTreeMap::new() };
+    MESH.map(|file| there.get(file).cloned()).into()
+}
+
+/// A killed session is made whole by `resume`, which says what it does; what was sound before may be called complete.
+fn made_whole(lab: &Lab, session: &str, what: &str) {
+    let sound =
+        lab.run(&["verify", session]).code == Some(0) && lab.recording(session).state() == State::Complete;
+    let ran: Ran = lab.run(&["resume", session]).succeeds();
+    let complete = ran.stderr.contains("nothing is left to do");
+    let tells = ["in their place now", "made again", "computing", "is complete now"];
+    assert!(
+        sound || !complete || tells.iter().any(|t| ran.stderr.contains(t)),
+        "{what}: called complete and was not: {}",
+        ran.stderr
+    );
+    let after = lab.run(&["verify", session]);
+    assert_eq!(after.code, Some(0), "{what}: {}", after.stderr);
+    assert_eq!(lab.recording(session).state(), State::Complete, "{what}");
+}
+
+#[test]
+fn whenever_reconstruct_and_replay_are_killed_the_products_are_one_set_and_resume_makes_them_whole() {
+    let lab = Lab::new();
+    lab.capture("a").succeeds();
+    let fine = mesh_of(&lab, "a");
+    let coarse_args = ["reconstruct", "a", "--surface-size-mm", "0.2"];
+    let fine_args = ["reconstruct", "a"];
+    let (events, _) = run_and_kill(&lab, &coarse_args, None);
+    let coarse = mesh_of(&lab, "a");
+    assert_ne!(fine, coarse);
+    let mut draws = Draws(1);
+    let mut killed = 0;
+    for n in 0..kills() / 4 {
+        let args: &[&str] = if n % 2 == 0 { &fine_args } else { &coarse_args };
+        let at = draws.event(events);
+        killed += usize::from(run_and_kill(&lab, args, Some(at)).1);
+        let (what, there) = (format!("reconstruct {n}, killed at change {at}"), mesh_of(&lab, "a"));
+        assert!(there == fine || there == coarse, "{what}: files of different meshes");
+        made_whole(&lab, "a", &what);
+    }
+    println!("reconstruct: {killed} of {} killed in time, {events} changes", kills() / 4);
+
+    let lose = |which: usize| {
+        let folder = lab.session("a").join("products");
+        let names = files(&folder);
+        std::fs::remove_file(folder.join(&names[which % names.len()])).unwrap();
+        std::fs::write(folder.join(&names[(which + 5) % names.len()]), b"damaged").unwrap();
+    };
+    lose(0);
+    let (events, _) = run_and_kill(&lab, &["replay", "a"], None);
+    killed = 0;
+    for n in 0..kills() / 4 {
+        lose(draws.below(13));
+        let at = draws.event(events);
+        killed += usize::from(run_and_kill(&lab, &["replay", "a"], Some(at)).1);
+        made_whole(&lab, "a", &format!("replay {n}, killed at change {at}"));
+    }
+    println!("replay: {killed} of {} killed in time, {events} changes", kills() / 4);
+    lab.run(&["replay", "a"]).succeeds();
+}
+
+#[test]
+fn whenever_an_import_is_killed_there_is_no_session_or_one_that_resume_completes() {
+    let lab = Lab::new();
+    lab.photos("photos");
+    let import = |name: &str| -> Vec<String> {
+        let known =
+            ["--config", "small.toml", "import", "photos", "--step-deg", "45", "--mm-per-px", "0.009"];
+        let more = ["--closing-view", "4", "--name", name];
+        known.iter().chain(&more).map(|s| (*s).to_owned()).collect()
+    };
+    let run = |name: &str, at| {
+        let args = import(name);
+        run_and_kill(&lab, &args.iter().map(String::as_str).collect::<Vec<_>>(), at)
+    };
+    let (events, _) = run("whole", None);
+    let whole = lab.products("whole")["grain.vtu"].clone();
+    let (mut draws, mut killed) = (Draws(2), 0);
+    for n in 0..kills() / 4 {
+        let (name, at) = (format!("i{n}"), draws.event(events));
+        killed += usize::from(run(&name, Some(at)).1);
+        let what = format!("import {n}, killed at change {at}");
+        if !lab.session(&name).exists() {
+            run(&name, None);
+        }
+        let there = mesh_of(&lab, &name);
+        assert!(there.iter().all(Option::is_none) || there.iter().all(Option::is_some), "{what}: {there:?}");
+        made_whole(&lab, &name, &what);
+        assert_eq!(lab.products(&name)["grain.vtu"], whole, "{what}");
+        std::fs::remove_dir_all(lab.session(&name)).unwrap();
+    }
+    println!("import: {killed} of {} killed in time, {events} changes", kills() / 4);
+}
