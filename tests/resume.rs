@@ -78,6 +78,27 @@ fn a_run_killed_again_and_again_still_comes_to_its_end() {
 }
 
 #[test]
+fn a_journal_that_is_removed_in_mid_run_is_put_back_and_a_lost_picture_is_not_called_complete() {
+    let lab = Lab::new();
+    let config = lab.config(&[("plan", "settle_ms = 500")]);
+    let mut running = start(&lab, &config);
+    running.wait_for("view 1 ");
+    for file in ["journal.jsonl", "manifest.json"] {
+        std::fs::remove_file(lab.session("a").join(file)).unwrap();
+    }
+    let ran = running.end().succeeds();
+    assert!(ran.stderr.contains("was removed during the run and is put back"), "{}", ran.stderr);
+    assert_eq!((lab.recording("a").state(), captured(&lab).len()), (State::Complete, VIEWS));
+    lab.assert_sound("a");
+
+    let mut running = lab.start(&["--config", &config, "capture", "b"]);
+    running.wait_for("view 1 ");
+    std::fs::remove_file(lab.session("b").join("frames/view_000.jpg")).unwrap();
+    running.end().fails(1, &["view_000.jpg is not there any more", "restore it"]);
+    assert_eq!(lab.recording("b").state(), State::Failed);
+}
+
+#[test]
 fn ctrl_c_stops_after_the_view_in_hand_and_says_how_to_go_on() {
     let lab = Lab::new();
     let mut running = start(&lab, &lab.config(&[("plan", "settle_ms = 500")]));
@@ -131,6 +152,15 @@ fn a_complete_session_has_nothing_to_resume_and_is_left_as_it_is() {
     assert!(ran.stderr.contains("session a is complete: its 5 views are captured"), "{}", ran.stderr);
     let result = lab.run(&["--json", "resume", "a"]).succeeds().json();
     assert_eq!(result["views"], 4);
+    assert_eq!(
+        (read(&lab.session("a").join("journal.jsonl")), lab.products("a")),
+        (journal.clone(), products.clone())
+    );
+    // Without a product it is not complete; that is made again, the same.
+    std::fs::remove_file(lab.session("a").join("products/grain.inp")).unwrap();
+    std::fs::write(lab.session("a").join("products/grain.stl"), b"damaged").unwrap();
+    let ran = lab.run(&["resume", "a"]).succeeds();
+    assert!(ran.stderr.contains("made again") && !ran.stderr.contains("nothing is left"), "{}", ran.stderr);
     assert_eq!((read(&lab.session("a").join("journal.jsonl")), lab.products("a")), (journal, products));
     // Moved elsewhere, its products are where it is.
     std::fs::rename(lab.session("a"), lab.path("b")).unwrap();

@@ -287,7 +287,91 @@ fn one_writer_at_a_time() {
     drop(session);
     assert!(matches!(store.open("a"), Err(SessionError::Locked { .. })));
     drop(product);
-    store.open("a").unwrap();
+    drop(store.open("a").unwrap());
+}
+
+/// A set of products, all of one text.
+fn set(text: &str) -> Vec<(String, Vec<u8>)> {
+    ["grain.inp", "grain.stl"].map(|name| (name.to_owned(), text.as_bytes().to_vec())).into()
+}
+
+fn put(session: &mut Session, text: &str) {
+    session.put_products(&set(text), serde_json::Value::Null, None).unwrap();
+}
+
+#[test]
+fn a_killed_exchange_of_products_is_finished_or_undone_when_the_session_is_opened() {
+    let (_dir, store) = store();
+    let mut session = store.create(&manifest(2)).unwrap();
+    put(&mut session, "old");
+    let folder = session.recording().folder().to_owned();
+    let journal = folder.join("journal.jsonl");
+    let before = std::fs::read(&journal).unwrap();
+    put(&mut session, "new");
+    let after = std::fs::read(&journal).unwrap();
+    drop(session);
+    let fill = |name: &str, text: &str| {
+        let place = folder.join(name);
+        let _ = std::fs::remove_dir_all(&place);
+        std::fs::create_dir(&place).unwrap();
+        set(text).iter().for_each(|(file, bytes)| std::fs::write(place.join(file), bytes).unwrap());
+    };
+    // What a kill leaves: before the record, after it, after the exchange, and between the two renames of a file system
+    // that can't exchange folders.
+    let cases: [(&[u8], &[(&str, &str)], &str); 5] = [
+        (&before, &[("products", "old"), ("products.next", "new")], "old"),
+        (&after, &[("products", "old"), ("products.next", "new")], "new"),
+        (&after, &[("products", "new"), ("products.next", "old")], "new"),
+        (&after, &[("products.old", "old"), ("products.next", "new")], "new"),
+        (&after, &[("products.old", "old"), ("products", "new")], "new"),
+    ];
+    for (lines, folders, right) in cases {
+        std::fs::write(&journal, lines).unwrap();
+        for name in ["products", "products.next", "products.old"] {
+            let _ = std::fs::remove_dir_all(folder.join(name));
+        }
+        folders.iter().for_each(|(name, text)| fill(name, text));
+        drop(store.open("a").unwrap());
+        assert_eq!(names(&folder.join("products")), ["grain.inp", "grain.stl"], "{folders:?}");
+        assert_eq!(
+            std::fs::read(folder.join("products/grain.stl")).unwrap(),
+            right.as_bytes(),
+            "{folders:?}"
+        );
+        let report = verify(&folder).unwrap();
+        assert!(report.is_sound(), "{folders:?}: {:?}", report.faults);
+    }
+}
+
+#[test]
+fn products_that_a_newer_set_lacks_stay() {
+    let (_dir, store) = store();
+    let mut session = store.create(&manifest(2)).unwrap();
+    put(&mut session, "old");
+    let one = [("grain.inp".to_owned(), b"new".to_vec())];
+    session.put_products(&one, serde_json::Value::Null, None).unwrap();
+    let report = verify(session.recording().folder()).unwrap();
+    assert_eq!((report.products, report.faults.len()), (2, 0), "{:?}", report.faults);
+}
+
+#[test]
+fn journal_and_manifest_that_are_removed_in_mid_run_are_put_back_and_others_in_their_place_end_the_run() {
+    for file in ["journal.jsonl", "manifest.json"] {
+        let (_dir, store) = store();
+        let mut session = store.create(&manifest(2)).unwrap();
+        let path = session.recording().folder().join(file);
+        session.append(Happening::Homed).unwrap();
+        session.append(Happening::Moving { view: 0, target_deg: 0.0 }).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        session.append(Happening::Paused).unwrap();
+        session.append(Happening::Resumed).unwrap();
+        assert_eq!(store.read("a").unwrap().events(), session.recording().events(), "{file}");
+        std::fs::remove_file(&path).unwrap();
+        std::fs::write(&path, b"another").unwrap();
+        let error = session.append(Happening::Paused).unwrap_err();
+        assert!(matches!(error, SessionError::Replaced { .. }), "{error}");
+        assert_eq!(std::fs::read(&path).unwrap(), b"another");
+    }
 }
 
 #[test]
@@ -359,6 +443,8 @@ fn the_state_is_what_the_last_event_that_begins_or_ends_something_says() {
     let mut session = store.create(&manifest(2)).unwrap();
     assert_eq!(session.recording().state(), State::Created);
     let started = || Happening::Started { session: "a".into(), views: 2, already_captured: 0 };
+    let products =
+        || Happening::Products { files: Vec::new(), timing_s: serde_json::Value::Null, settings: None };
     let steps = [
         (started(), State::Interrupted),
         (Happening::Failed { error: "x".into() }, State::Failed),
@@ -367,6 +453,9 @@ fn the_state_is_what_the_last_event_that_begins_or_ends_something_says() {
         (Happening::Homed, State::Interrupted),
         (Happening::AcquisitionComplete { views: 2 }, State::Captured),
         (Happening::Working { stage: "hull".into(), done: 0.5 }, State::Captured),
+        (Happening::Complete { result: serde_json::Value::Null }, State::Complete),
+        // New products whose end is not recorded: a run was killed there.
+        (products(), State::Captured),
         (Happening::Complete { result: serde_json::Value::Null }, State::Complete),
     ];
     for (what, state) in steps {

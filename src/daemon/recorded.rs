@@ -166,6 +166,7 @@ pub(super) fn conclude(
 ) -> Result<Finished, DaemonError> {
     let written = outcome.and_then(|made| {
         let mut session = lock(session);
+        session.recording().check_frames()?;
         let manifest = session.recording().manifest().clone();
         let timing = serde_json::json!(made.timing_s);
         let files = finish::render(&made, &manifest.software, &manifest.name, timing.clone())?;

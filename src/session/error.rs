@@ -96,6 +96,24 @@ pub enum SessionError {
         /// The journal.
         path: PathBuf,
     },
+    /// Somebody has put another file in the place of one that is being written.
+    #[error(
+        "{} is another file than the one that this run writes: somebody has replaced it; put the former one back, then \
+         `grainrig resume`",
+        path.display()
+    )]
+    Replaced {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A picture that was recorded and is gone.
+    #[error("{} is not there any more, {bytes} bytes were recorded; restore it from a backup", path.display())]
+    Gone {
+        /// The file.
+        path: PathBuf,
+        /// Bytes recorded.
+        bytes: u64,
+    },
     /// A view that the plan does not have, or a role that is not the plan's.
     #[error("view {view} is not in the plan of {views} views; check the index")]
     NotPlanned {

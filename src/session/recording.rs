@@ -206,6 +206,20 @@ impl Recording {
         read_checked(&self.folder.join(FRAMES).join(&record.file), &record.sha256)
     }
 
+    /// Looks whether every recorded picture is there, by its size: a run has their bytes in hand and would not miss them.
+    ///
+    /// # Errors
+    /// [`SessionError::Gone`] names the first that is not.
+    pub fn check_frames(&self) -> Result<(), SessionError> {
+        for view in self.views() {
+            let path = self.folder.join(FRAMES).join(&view.file);
+            if !path.symlink_metadata().is_ok_and(|m| m.is_file() && m.len() == view.bytes) {
+                return Err(SessionError::Gone { path, bytes: view.bytes });
+            }
+        }
+        Ok(())
+    }
+
     /// The picture without the grain, its hash checked against the manifest; `None` where there is none.
     ///
     /// # Errors

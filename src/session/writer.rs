@@ -5,12 +5,13 @@ use super::disk::{Lock, WholeFile, check_space, remove_parts, write_whole};
 use super::event::{CapturedView, Event, Happening, ProductRecord};
 use super::manifest::{ArchivedFile, PlannedView, required_bytes};
 use super::name::check_name;
-use super::recording::{FRAMES, JOURNAL, PRODUCTS, Recording};
+use super::recording::{FRAMES, JOURNAL, MANIFEST, PRODUCTS, Recording};
 use crate::geometry::Angle;
 use crate::rig::Frame;
 use jiff::Timestamp;
 use std::fs::{File, OpenOptions};
-use std::io::Write;
+use std::io::{Read, Seek, Write};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -20,6 +21,8 @@ type Observer = Box<dyn FnMut(&Event) + Send>;
 /// A session that is being written; it holds the session's lock.
 pub struct Session {
     recording: Recording,
+    /// The manifest's bytes, should somebody remove the file.
+    manifest: Vec<u8>,
     journal: File,
     lock: Arc<Lock>,
     broken: bool,
@@ -47,8 +50,12 @@ impl Session {
     pub(super) fn with_lock(folder: &Path, lock: Lock) -> Result<Self, SessionError> {
         let recording = Recording::read(folder)?;
         let path = folder.join(JOURNAL);
-        let journal =
-            OpenOptions::new().append(true).open(&path).map_err(SessionError::io("open", &path, 0))?;
+        let journal = OpenOptions::new()
+            .read(true)
+            .append(true)
+            .open(&path)
+            .map_err(SessionError::io("open", &path, 0))?;
+        let manifest = super::recording::read_manifest(folder)?;
         if recording.torn_bytes > 0 {
             journal
                 .set_len(recording.good_bytes)
@@ -62,7 +69,7 @@ impl Session {
         for name in [FRAMES, PRODUCTS] {
             remove_parts(&folder.join(name))?;
         }
-        Ok(Self { recording, journal, lock: Arc::new(lock), broken: false, observer: None })
+        Ok(Self { recording, manifest, journal, lock: Arc::new(lock), broken: false, observer: None })
     }
 
     pub(super) fn moved_to(&mut self, folder: PathBuf) {
@@ -112,6 +119,9 @@ impl Session {
         let unrecordable = |reason| SessionError::Unrecordable { reason };
         let record = self.recording.chain.encode(Timestamp::now(), what).map_err(unrecordable)?;
         self.recording.check(&record.event.what).map_err(unrecordable)?;
+        if sync {
+            self.keep_in_place()?;
+        }
         let before = self.recording.good_bytes;
         if let Err(e) = self.journal.write_all(record.line.as_bytes()) {
             // A half line must not stay before the next one.
@@ -131,6 +141,46 @@ impl Session {
             observer(&event);
         }
         Ok(event)
+    }
+
+    /// Looks whether journal and manifest still are in their place, and puts back the one that somebody has removed: what
+    /// is written into a file without a name is lost with the process.
+    fn keep_in_place(&mut self) -> Result<(), SessionError> {
+        let folder = &self.recording.folder;
+        let path = folder.join(MANIFEST);
+        match std::fs::read(&path) {
+            Ok(bytes) if bytes == self.manifest => {}
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+                write_whole(folder, MANIFEST, &self.manifest)?;
+                tracing::warn!("{} was removed during the run and is put back", path.display());
+            }
+            Ok(_) => return Err(SessionError::Replaced { path }),
+            Err(e) => return Err(SessionError::io("read", &path, 0)(e)),
+        }
+        let path = folder.join(JOURNAL);
+        let ours = self.journal.metadata().map_err(SessionError::io("read", &path, 0))?;
+        match path.symlink_metadata() {
+            Ok(there) if (there.dev(), there.ino()) == (ours.dev(), ours.ino()) => return Ok(()),
+            Ok(_) => return Err(SessionError::Replaced { path }),
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+                return Err(SessionError::io("read", &path, 0)(e));
+            }
+            Err(_) => {}
+        }
+        // The file that is open still has every line.
+        let mut lines = Vec::new();
+        let mut file = &self.journal;
+        file.rewind()
+            .and_then(|()| file.read_to_end(&mut lines))
+            .map_err(SessionError::io("read", &path, 0))?;
+        write_whole(folder, JOURNAL, &lines)?;
+        self.journal = OpenOptions::new()
+            .read(true)
+            .append(true)
+            .open(&path)
+            .map_err(SessionError::io("open", &path, 0))?;
+        tracing::warn!("{} was removed during the run and is put back, with all its lines", path.display());
+        Ok(())
     }
 
     /// Makes a picture and the files beside it durable: written and synced, hashed, journalled with the journal synced, in that order.
