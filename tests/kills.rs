@@ -174,3 +174,38 @@ fn whenever_an_import_is_killed_there_is_no_session_or_one_that_resume_completes
     }
     println!("import: {killed} of {} killed in time, {events} changes", kills() / 4);
 }
+
+/// A configuration for two quick captures of one grain, the second with another side down.
+fn pose(rotation: &str) -> String {
+    format!(
+        "plan = {{ views = 12, steps_per_view = 16, settle_ms = 0 }}\nmesh = {{ surface_size_mm = 0.1 }}\n\
+         report = {{ pictures = false }}\noptics = {{ mm_per_px = 0.0075 }}\n[simulated]\nseed = 3\nwidth = 324\n\
+         height = 270\nmm_per_px = 0.0075\n{rotation}"
+    )
+}
+
+#[test]
+fn whenever_a_merging_is_killed_there_is_no_session_or_a_whole_one() {
+    let lab = Lab::new();
+    for (name, rotation) in [("a", ""), ("b", "grain_rotation_deg = [90.0, 0.0, 65.0]")] {
+        lab.write("pose.toml", pose(rotation));
+        lab.run(&["--config", "pose.toml", "capture", name]).succeeds();
+    }
+    let (events, _) = run_and_kill(&lab, &["merge", "a", "b", "--out", "whole"], None);
+    let whole = mesh_of(&lab, "whole");
+    let (mut draws, mut killed) = (Draws(3), 0);
+    for n in 0..kills() / 4 {
+        let (name, at) = (format!("m{n}"), draws.event(events));
+        killed += usize::from(run_and_kill(&lab, &["merge", "a", "b", "--out", &name], Some(at)).1);
+        let what = format!("merge {n}, killed at change {at}");
+        if !lab.session(&name).exists() {
+            // Whatever is left of the killed attempt is in nobody's way.
+            run_and_kill(&lab, &["merge", "a", "b", "--out", &name], None);
+        }
+        assert_eq!(mesh_of(&lab, &name), whole, "{what}");
+        assert_eq!(lab.run(&["verify", &name]).code, Some(0), "{what}");
+        made_whole(&lab, &name, &what);
+        std::fs::remove_dir_all(lab.session(&name)).unwrap();
+    }
+    println!("merge: {killed} of {} killed in time, {events} changes", kills() / 4);
+}

@@ -4,7 +4,7 @@ mod kit;
 
 use grainrig::acquire::Control;
 use grainrig::config::Config;
-use grainrig::daemon::{self, DaemonError, MergeFinished, Watcher};
+use grainrig::daemon::{self, DaemonError, Finished, Watcher};
 use grainrig::geometry::{Angle, Point, Projection, Vector};
 use grainrig::pipeline::PipelineError;
 use grainrig::register::RegisterError;
@@ -139,7 +139,7 @@ fn quiet() -> Watcher {
 }
 
 /// Captures both and merges them: what came of it, and the rows that either session took for z = 0.
-fn merged(a: &Settings, b: &Settings) -> Result<(MergeFinished, [f64; 2]), DaemonError> {
+fn merged(a: &Settings, b: &Settings) -> Result<(Finished, [f64; 2]), DaemonError> {
     let home = tempfile::tempdir().unwrap();
     let origins = [("a", a), ("b", b)].map(|(name, settings)| {
         let config = config(settings);
@@ -152,7 +152,7 @@ fn merged(a: &Settings, b: &Settings) -> Result<(MergeFinished, [f64; 2]), Daemo
     let done = daemon::merge([&folders[0], &folders[1]], &out, None, &quiet());
     assert_eq!(out.exists(), done.is_ok(), "a refusal leaves nothing, a result its files");
     if done.is_ok() {
-        assert_eq!(kit::files(&out), ["grain.inp", "grain.stl", "grain.vtu", "result.json"]);
+        assert_eq!(kit::files(&out.join("products")), ["grain.inp", "grain.stl", "grain.vtu", "result.json"]);
     }
     done.map(|done| (done, origins))
 }
@@ -163,7 +163,7 @@ fn turn(settings: &Settings) -> Rotation3<f64> {
 }
 
 /// What the stated motion errs by: degrees, and pixels at the worst place of the grain's surface.
-fn motion_error(a: &Settings, b: &Settings, done: &MergeFinished, origins: [f64; 2]) -> (f64, f64) {
+fn motion_error(a: &Settings, b: &Settings, done: &Finished, origins: [f64; 2]) -> (f64, f64) {
     // In each session's own frame: a grain that hides the pedestal's rim makes its top uncertain, which is no error
     // of the motion.
     let [from, to] = [(b, origins[1]), (a, origins[0])].map(|(s, origin_row)| {
@@ -171,7 +171,7 @@ fn motion_error(a: &Settings, b: &Settings, done: &MergeFinished, origins: [f64;
         let rise = Vector::z() * (origin_row - handle.truth().camera.axis_row_px) * s.mm_per_px;
         handle.truth_mesh().vertices.iter().map(|p| p + rise).collect::<Vec<_>>()
     });
-    let m = &done.result.merge;
+    let m = done.result.merge.as_ref().unwrap();
     let rotation = Matrix3::from_fn(|i, j| m.rotation_matrix[i][j]);
     let place = |p: &Point| Point::from(rotation * p.coords + Vector::from(m.translation_mm));
     let off = from.iter().zip(&to).map(|(p, q)| (place(p) - q).norm()).fold(0.0, f64::max);
@@ -192,7 +192,7 @@ fn a_second_pose_takes_more_than_half_of_the_excess_away() {
         let (a, b) = flat_and_upright(settings, turned);
         let (done, origins) = merged(&a, &b).unwrap();
         let truth = [&a, &b].map(|s| simulated::open(s).unwrap().2.truth());
-        let m = &done.result.merge;
+        let m = done.result.merge.as_ref().unwrap();
         let flat = m.a.volume_mm3 / truth[0].volume_above_pedestal_mm3 - 1.0;
         let upright = m.b.volume_mm3 / truth[1].volume_above_pedestal_mm3 - 1.0;
         // The merged hull has the feet, which each pose hides from itself, as the other sees them.
@@ -213,7 +213,7 @@ fn a_second_pose_takes_more_than_half_of_the_excess_away() {
             m.unfilled_alone.mean_px,
             m.residual_px,
             m.rival.map_or(f64::NAN, |r| r.mean_px),
-            done.result.result.hull.silhouette_iou.min,
+            done.result.hull.silhouette_iou.min,
         );
         let share = 1.0 / all.len() as f64;
         before += share * flat;
@@ -281,21 +281,56 @@ fn the_program_merges_two_sessions_and_says_how() {
     let mut command = lab.command(&["--json", "merge", "a", "b", "--out", "one"]);
     let json = Ran::from(command.env("RAYON_NUM_THREADS", "1")).succeeds().json();
     for file in ["grain.inp", "grain.vtu", "grain.stl"] {
-        let [words, one] = ["words", "one"].map(|folder| kit::read(&lab.path(folder).join(file)));
+        let [words, one] =
+            ["words", "one"].map(|folder| kit::read(&lab.session(folder).join("products").join(file)));
         assert_eq!(words, one, "{file} depends on the number of cores");
     }
-    let written: Value = serde_json::from_slice(&kit::read(&lab.path("one/result.json"))).unwrap();
+    let written: Value =
+        serde_json::from_slice(&kit::read(&lab.session("one").join("products/result.json"))).unwrap();
     assert_eq!(written["merge"], json["merge"]);
     let m = &json["merge"];
     let number = |v: &Value| v.as_f64().unwrap_or_else(|| panic!("{v} is no number"));
     assert!(number(&m["volume_mm3"]) < number(&m["a"]["volume_mm3"]).min(number(&m["b"]["volume_mm3"])));
     assert!(number(&m["axes_apart_deg"]) > 85.0 && number(&m["rotation_deg"]) <= 180.0, "{m}");
     assert_eq!((json["views"].as_u64(), json["view_details"].as_array().unwrap().len()), (Some(50), 50));
-    let surface = grainrig::export::stl::read(&kit::read(&lab.path("one/grain.stl"))).unwrap();
+    let surface =
+        grainrig::export::stl::read(&kit::read(&lab.session("one").join("products/grain.stl"))).unwrap();
     surface.check().unwrap();
 
-    lab.run(&["merge", "a", "b", "--out", "one"]).fails(2, &["one", "not an empty folder", "--out"]);
+    lab.run(&["merge", "a", "b", "--out", "one"]).fails(2, &["one", "is there already", "--out"]);
     lab.run(&["merge", "a", "a", "--out", "two"]).fails(2, &["both sessions are", "another side down"]);
     lab.run(&["merge", "a", "nowhere", "--out", "two"]).fails(1, &["nowhere"]);
-    assert!(!lab.path("two").exists());
+    assert!(!lab.session("two").exists());
+    a_session_like_others(&lab);
+}
+
+/// What is done with a captured session is done with a merged one.
+fn a_session_like_others(lab: &Lab) {
+    let made = lab.products("one");
+    lab.assert_sound("one");
+    lab.run(&["replay", "one"]).succeeds();
+    std::fs::remove_file(lab.session("one").join("products/grain.inp")).unwrap();
+    lab.run(&["verify", "one"]).fails(1, &["grain.inp"]);
+    let ran = lab.run(&["resume", "one"]).succeeds();
+    assert!(ran.stderr.contains("grain.inp") && ran.stderr.contains("made again"), "{}", ran.stderr);
+    assert_eq!(lab.products("one"), made);
+    assert!(lab.run(&["resume", "one"]).succeeds().stderr.contains("nothing is left to do"));
+    // By its name, as README says.
+    let args = ["compress", "one", "--to-force-n", "0.05", "--size-mm", "0.25", "--out", "pressed"];
+    lab.run(&args).succeeds();
+    // With another mesh, and back.
+    lab.run(&["reconstruct", "one", "--surface-size-mm", "0.2"]).succeeds();
+    assert_ne!(lab.products("one")["grain.inp"], made["grain.inp"]);
+    lab.run(&["replay", "one"]).succeeds();
+    // Both moved, they still are beside one another; on its own it says what it lacks.
+    std::fs::rename(lab.path("data"), lab.path("elsewhere")).unwrap();
+    lab.run(&["replay", "elsewhere/one"]).succeeds();
+    lab.run(&["merge", "elsewhere/one", "elsewhere/a", "--out", "two"])
+        .fails(2, &["one is a merged grain", "a and b"]);
+    std::fs::rename(lab.path("elsewhere/b"), lab.path("b")).unwrap();
+    lab.run(&["replay", "elsewhere/one"])
+        .fails(1, &["merged from session b", "not there any more", "merge anew"]);
+    std::fs::rename(lab.path("elsewhere/a"), lab.path("elsewhere/b")).unwrap();
+    std::fs::rename(lab.path("b"), lab.path("elsewhere/a")).unwrap();
+    lab.run(&["replay", "elsewhere/one"]).fails(1, &["another one has its place"]);
 }

@@ -57,6 +57,16 @@ fn a_surface_becomes_three_files_and_one_object_of_figures() {
     assert!(fs::read_to_string(at.join("b.vtu")).unwrap().contains("NumberOfPoints"));
     // Nothing else is left behind.
     assert_eq!(fs::read_dir(at).unwrap().count(), 4);
+    // What is there is not written over unasked, not even where another file would be new.
+    let coarser = ["mesh", "ball.STL", "--surface-size-mm", "0.2", "--out", "d.inp", "c.stl"];
+    refused(at, &coarser, 2, &["c.stl is there already", "--force"]);
+    assert!(!at.join("d.inp").exists());
+    assert_eq!(
+        stl::read(&fs::read(at.join("c.stl")).unwrap()).unwrap().triangles.len(),
+        again.triangles.len()
+    );
+    assert!(grainrig(at, &[&coarser[..], &["--force"]].concat()).status.success());
+    assert!(stl::read(&fs::read(at.join("c.stl")).unwrap()).unwrap().triangles.len() < again.triangles.len());
 
     // The same numbers read as micrometres: the same mesh, a thousand times smaller; and text for people.
     let sizes = ["--surface-size-mm", "0.0001", "--unit", "um"];
@@ -224,7 +234,8 @@ fn every_kind_of_file_is_written_and_meshes_and_surfaces_are_read_back() {
     has("a.svg", "dihedral angles");
     assert_eq!(&fs::read(at.join("a.png")).unwrap()[1..4], b"PNG");
     for file in ["a.inp", "a.msh", "a.stl", "a.ply"] {
-        let out = grainrig(at, &["mesh", file, "--preset", "coarse", "--json", "--out", "again.vtu"]);
+        let out =
+            grainrig(at, &["mesh", file, "--preset", "coarse", "--json", "--force", "--out", "again.vtu"]);
         assert!(out.status.success(), "{file}: {}", String::from_utf8_lossy(&out.stderr));
         let result: Value = serde_json::from_slice(&out.stdout).unwrap();
         let volume = result["input_volume_mm3"].as_f64().unwrap();
@@ -265,7 +276,7 @@ fn voxels_become_a_mesh_of_their_volume() {
     fs::write(at.join("b.nrrd"), nrrd(25, "gzip", "spacings: 20 20 20", grey)).unwrap();
     let mut made = Vec::new();
     for (name, more) in [("a.nrrd", &[][..]), ("b.nrrd", &["--threshold", "99.5", "--unit", "um"])] {
-        let out = grainrig(at, &[&["mesh", name, "--json", "--out", "m.inp"][..], more].concat());
+        let out = grainrig(at, &[&["mesh", name, "--json", "--force", "--out", "m.inp"][..], more].concat());
         assert!(out.status.success(), "{name}: {}", String::from_utf8_lossy(&out.stderr));
         let result: Value = serde_json::from_slice(&out.stdout).unwrap();
         let counted = result["input_volume_mm3"].as_f64().unwrap();

@@ -281,13 +281,15 @@ fn one_writer_at_a_time() {
     let error = store.open("a").unwrap_err().to_string();
     assert!(error.contains(&format!("written by process {}", std::process::id())), "{error}");
     assert!(verify(session.recording().folder()).unwrap().busy);
-    assert!(store.list().unwrap()[0].busy);
+    let listed = store.list().unwrap().remove(0);
+    assert_eq!((listed.busy, listed.state), (true, Some(State::Capturing)));
     // A product that is still being written holds the lock too.
     let product = session.product("grain.inp").unwrap();
     drop(session);
     assert!(matches!(store.open("a"), Err(SessionError::Locked { .. })));
     drop(product);
     drop(store.open("a").unwrap());
+    assert_eq!(store.list().unwrap()[0].state, Some(State::Created));
 }
 
 /// A set of products, all of one text.

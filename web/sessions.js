@@ -32,11 +32,11 @@ function sessionItem(session, complain) {
   const about = [];
   if (session.created) about.push(new Date(session.created).toLocaleString("en-GB", { dateStyle: "medium", timeStyle: "short" }));
   // While a run writes it, what is on the disk is not yet what it will be.
-  const unfinished = ["created", "interrupted", "captured"].includes(session.state);
-  if (session.busy && unfinished) about.push("in progress");
+  if (["capturing", "computing"].includes(session.state)) about.push(session.state);
   else {
     if (session.planned) about.push(`${session.captured ?? "?"} of ${session.planned} views`);
     if (session.state) about.push(String(session.state).replaceAll("_", " "));
+    if (session.busy) about.push("in use");
   }
   const summary = make("summary", {}, make("b", {}, session.name), make("span", { class: "hint" }, about.join(" · ")));
   const item = make("details", {}, summary);

@@ -119,7 +119,10 @@ pub(super) fn resume(common: &Common, arguments: &ResumeArguments) -> Result<()>
 
 /// Tells the user what was made and where it is.
 pub(super) fn report(common: &Common, done: &Finished) -> Result<()> {
-    if common.json { print_json(&done.result) } else { print(&summary(done)) }
+    if common.json {
+        return print_json(&done.result);
+    }
+    print(&done.result.merge.as_ref().map_or_else(|| summary(done), |m| super::merge::summary(done, m)))
 }
 
 /// The result in words, a line for each figure.

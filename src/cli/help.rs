@@ -108,8 +108,9 @@ Examples:
   grainrig merge quartz-07-a quartz-07-b --out fine --surface-size-mm 0.02 --json
 
 How the grain was turned need not be known: it is found from the silhouettes, which both hulls together must
-fill. DIR gets grain.inp, grain.vtu, grain.stl and result.json; its \"merge\" has the motion, how well the
-silhouettes are filled, and the volumes of both hulls and of the merged one. The sessions are only read.
+fill. NAME becomes a session of the data folder like others: verify, replay and compress it. Its products are grain.inp,
+grain.vtu, grain.stl and result.json, whose \"merge\" has the motion, how well the silhouettes are filled, and the volumes
+of both hulls and of the merged one. The two captures are only read; a replay needs them where they were.
 Exit code 1, and nothing written, where the poses do not fit (another grain, a wrong scale or sense of rotation)
 or fit in several ways (a ball, a symmetric grain).";
 

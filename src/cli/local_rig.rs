@@ -134,7 +134,7 @@ impl Rig for LocalRig {
             "software": manifest.software,
             "origin": manifest.origin,
             "devices": manifest.devices,
-            "state": recording.state(),
+            "state": recording.state().seen(recording.is_busy()),
             "plan": manifest.plan,
             "config": manifest.config,
             "frames": recording.views().collect::<Vec<_>>(),

@@ -1,10 +1,11 @@
 //! `grainrig merge`.
 
 use super::Common;
-use super::output::{print, print_json};
+use super::capture::report;
 use super::progress::Progress;
 use super::reconstruct::MeshOptions;
-use crate::daemon::{self, MergeFinished};
+use crate::daemon::{self, Finished};
+use crate::pipeline::MergeResult;
 use anyhow::Result;
 use clap::Args;
 use std::path::PathBuf;
@@ -16,8 +17,8 @@ pub struct Arguments {
     a: PathBuf,
     /// The second session: the same grain with another side down.
     b: PathBuf,
-    /// Folder for the merged grain's files; it must not exist yet, or be empty.
-    #[arg(long, value_name = "DIR")]
+    /// The merged grain's session, which must not exist yet: its name in the data folder, or its folder's path.
+    #[arg(long, value_name = "NAME")]
     out: PathBuf,
     #[command(flatten)]
     mesh: MeshOptions,
@@ -26,17 +27,20 @@ pub struct Arguments {
 pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let a = super::session_folder(common, &arguments.a)?;
     let b = super::session_folder(common, &arguments.b)?;
+    // A plain name is a session of the data folder, as for every other command.
+    let out = match arguments.out.components().count() {
+        1 => common.data.join(&arguments.out),
+        _ => arguments.out.clone(),
+    };
     let progress = Progress::new();
-    let outcome =
-        daemon::merge([&a, &b], &arguments.out, arguments.mesh.settings().as_ref(), &progress.watcher());
+    let outcome = daemon::merge([&a, &b], &out, arguments.mesh.settings().as_ref(), &progress.watcher());
     progress.finish();
-    let done = outcome?;
-    if common.json { print_json(&done.result) } else { print(&summary(&done)) }
+    report(common, &outcome?)
 }
 
-/// The result in words, a line for each figure.
-fn summary(done: &MergeFinished) -> String {
-    let (r, m) = (&done.result.result, &done.result.merge);
+/// The result of a merging in words, a line for each figure.
+pub(super) fn summary(done: &Finished, m: &MergeResult) -> String {
+    let r = &done.result;
     let [x, y, z] = m.translation_mm;
     let single = |p: &crate::pipeline::PoseResult| {
         format!("           {:.5} mm³ by the {} views of {} alone", p.volume_mm3, p.views, p.session)

@@ -43,6 +43,9 @@ pub struct Arguments {
     /// own folder.
     #[arg(long, value_name = "FILE", num_args = 1..)]
     out: Vec<PathBuf>,
+    /// Write over files that are there already.
+    #[arg(long)]
+    force: bool,
 }
 
 /// Sizes by name.
@@ -242,6 +245,6 @@ fn outputs(arguments: &Arguments) -> Result<Vec<PathBuf>> {
     } else {
         Vec::new()
     };
-    asked.iter().try_for_each(|path| check_output(path, input))?;
+    asked.iter().try_for_each(|path| check_output(path, input, arguments.force))?;
     Ok(asked)
 }

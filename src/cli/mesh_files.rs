@@ -201,7 +201,7 @@ pub(super) fn whole(path: &Path, bytes: &[u8]) -> Result<()> {
 }
 
 /// Refuses a file to write whose kind is not known, or that is the one that is read.
-pub(super) fn check_output(path: &Path, input: &Path) -> Result<()> {
+pub(super) fn check_output(path: &Path, input: &Path, force: bool) -> Result<()> {
     if !WRITTEN.contains(&ending(path).as_str()) {
         let all = WRITTEN.map(|e| format!(".{e}")).join(", ");
         return Err(usage(format!("{}: the ending must be one of {all}", path.display())));
@@ -210,6 +210,12 @@ pub(super) fn check_output(path: &Path, input: &Path) -> Result<()> {
     if read.is_some() && path.canonicalize().ok() == read {
         return Err(usage(format!(
             "{}: this is the file that is read; give --out another name",
+            path.display()
+        )));
+    }
+    if !force && path.symlink_metadata().is_ok() {
+        return Err(usage(format!(
+            "{} is there already; give --out another name, or --force to write over it",
             path.display()
         )));
     }

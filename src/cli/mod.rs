@@ -250,6 +250,7 @@ fn is_usage(error: &anyhow::Error) -> bool {
                     | DaemonError::OtherSize { .. }
                     | DaemonError::NotFree { .. }
                     | DaemonError::OneSession { .. }
+                    | DaemonError::MergedAlready { .. }
                     | DaemonError::Pipeline(PipelineError::Setting { .. }),
                 ) => true,
                 Some(DaemonError::Scale(e)) => {

@@ -2,6 +2,7 @@
 
 use super::Common;
 use super::output::{print, print_json, say};
+use crate::session::State;
 use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
@@ -24,8 +25,14 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         if common.json {
             return Ok(());
         }
+        let now = match report.state {
+            Some(State::Capturing) => "; a run captures it now",
+            Some(State::Computing) => "; a run computes it now",
+            _ if report.busy => "; it is in use now",
+            _ => "",
+        };
         return print(&format!(
-            "{}: every file has the recorded bytes ({} of {} views, {} products, {} journal lines)\n",
+            "{}: every file has the recorded bytes ({} of {} views, {} products, {} journal lines){now}\n",
             folder.display(),
             report.frames,
             report.planned,

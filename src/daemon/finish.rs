@@ -2,7 +2,7 @@
 
 use super::DaemonError;
 use crate::pipeline::MeshSettings;
-use crate::pipeline::{CONVERGENCE, Reconstruction, ResultFile, SHEET, products};
+use crate::pipeline::{CONVERGENCE, PipelineError, Product, Reconstruction, ResultFile, SHEET, products};
 use crate::session::event::{Event, Happening, ProductRecord};
 use crate::session::{Recording, Session, sha256_hex};
 use std::collections::BTreeMap;
@@ -23,16 +23,52 @@ pub struct Finished {
     pub files: Vec<ProductRecord>,
 }
 
+/// What a computation made: of one session's views, or of two sessions merged.
+pub(super) trait Made {
+    /// Its files, but for `result.json`.
+    fn products(&self, software: &str, session: &str) -> Result<Vec<Product>, PipelineError>;
+    /// Its figures, with the products' places and the timing to state.
+    fn result_file(
+        &self,
+        software: &str,
+        session: &str,
+        products: BTreeMap<String, String>,
+        timing_s: serde_json::Value,
+    ) -> ResultFile;
+    /// Seconds each stage took.
+    fn timing_s(&self) -> serde_json::Value;
+}
+
+impl Made for Reconstruction {
+    fn products(&self, software: &str, session: &str) -> Result<Vec<Product>, PipelineError> {
+        products(self, software, session)
+    }
+
+    fn result_file(
+        &self,
+        software: &str,
+        session: &str,
+        products: BTreeMap<String, String>,
+        timing_s: serde_json::Value,
+    ) -> ResultFile {
+        self.result_file(software, session, products, timing_s)
+    }
+
+    fn timing_s(&self) -> serde_json::Value {
+        serde_json::json!(self.timing_s)
+    }
+}
+
 /// The bytes of every product, `result.json` last; `timing` is what the file states.
 pub(super) fn render(
-    made: &Reconstruction,
+    made: &dyn Made,
     software: &str,
     session: &str,
     timing: serde_json::Value,
 ) -> Result<Vec<(String, Vec<u8>)>, DaemonError> {
     let mut out: Vec<(String, Vec<u8>)> = Vec::new();
     let mut names = BTreeMap::new();
-    for p in products(made, software, session)? {
+    for p in made.products(software, session)? {
         names.insert(p.kind, p.file.clone());
         out.push((p.file, p.bytes));
     }
@@ -151,7 +187,7 @@ fn kind(file: &str) -> String {
 
 /// The result as a command prints it: whole paths, this run's timing.
 pub(super) fn finished(
-    made: &Reconstruction,
+    made: &dyn Made,
     software: &str,
     folder: &Path,
     session: &str,
@@ -159,6 +195,6 @@ pub(super) fn finished(
 ) -> Finished {
     let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
     let paths = product_paths(&folder, &files);
-    let timing = serde_json::json!(made.timing_s);
+    let timing = made.timing_s();
     Finished { result: made.result_file(software, session, paths, timing), folder, files }
 }

@@ -10,7 +10,7 @@ use super::{DaemonError, Watcher};
 use crate::acquire::{self, Control, Judge, Outcome, QualityMode, SessionSink, SystemClock};
 use crate::config::{CameraKind, Config, ConfigError, RigKind, ServeSettings};
 use crate::geometry::Angle;
-use crate::pipeline::{Cameras, CutOut, Gate, MeshSettings, View};
+use crate::pipeline::{Cameras, CutOut, Gate, MeshSettings, Reconstruction, View};
 use crate::rig::Frame;
 use crate::rig::simulated::TruthHandle;
 use crate::session::event::CapturedView;
@@ -172,6 +172,12 @@ pub fn resume(
         result["products"] = serde_json::json!(product_paths(folder, recording.products()));
         return Ok(Resumed::NothingToDo { session, views, result });
     }
+    if manifest.origin == Origin::Merge {
+        let mesh = made_before(recording)?.and_then(|before| before.mesh);
+        drop(session);
+        let done = reconstruct(folder, mesh.as_ref(), false, watcher)?;
+        return Ok(Resumed::Done(Box::new(done)));
+    }
     let (config, _) = computation(recording)?;
     let mesh = made_before(recording)?.and_then(|before| before.mesh);
     if manifest.origin == Origin::Import {
@@ -272,7 +278,7 @@ impl Begun {
             }
             // The acquisition has journalled its own failure.
             Err(error @ DaemonError::Acquire(_)) => Err(error),
-            Err(error) => conclude(&session, Err(error), None),
+            Err(error) => conclude(&session, Err::<Reconstruction, _>(error), None),
         };
         // The products come first: they are what the run was for.
         concluded.and_then(|done| told.map(|()| done))

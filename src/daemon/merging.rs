@@ -1,28 +1,23 @@
-//! Two finished sessions of one grain, with another side down, become one grain.
+//! Two finished sessions of one grain, with another side down, become one grain: a session like others, without pictures of
+//! its own.
 
-use super::finish::RESULT;
-use super::recorded::{Numbered, WAITING_VIEWS, check_views, computation, send_recorded};
+use super::finish::{self, Finished, Made};
+use super::recorded::{Numbered, WAITING_VIEWS, check_views, computation, record, send_recorded};
 use super::{DaemonError, Watcher};
-use crate::pipeline::{self, Merged, MergedFile, MeshSettings, Pipeline, SeenPose, Settings};
+use crate::pipeline::{
+    self, Merged, MeshSettings, Pipeline, PipelineError, Product, ResultFile, SeenPose, Settings,
+};
 use crate::session::event::Happening;
-use crate::session::{Recording, write_whole};
+use crate::session::{Manifest, MergeSource, Origin, Plan, Recording, SessionError, Store, check_name};
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::mpsc::sync_channel;
 use std::time::Instant;
 
-/// What a merging hands to its user.
-#[derive(Debug, Clone)]
-pub struct MergeFinished {
-    /// The folder of the products.
-    pub folder: PathBuf,
-    /// The figures, with the products' whole paths.
-    pub result: MergedFile,
-}
-
 /// Computes the cones of two sessions from their recordings, finds how the grain lies in the second to how it lies in
-/// the first, carves it by the views of both, and writes `grain.inp`, `grain.vtu`, `grain.stl` and `result.json` into
-/// `out`. The sessions are only read; the first one's settings and frame are the result's. Blocks until all is done.
+/// the first, carves it by the views of both, and makes a session of it in the folder `out`, whose name is the session's.
+/// The two are only read; the first one's settings and frame are the result's. Blocks until all is done. The session
+/// appears whole, with its products, or not at all.
 ///
 /// # Errors
 /// [`DaemonError`]; nothing is written then.
@@ -31,27 +26,141 @@ pub fn merge(
     out: &Path,
     mesh: Option<&MeshSettings>,
     watcher: &Watcher,
-) -> Result<MergeFinished, DaemonError> {
-    check_free(out)?;
+) -> Result<Finished, DaemonError> {
+    let name = out.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    check_name("session name", &name)?;
+    if out.symlink_metadata().is_ok() {
+        return Err(DaemonError::NotFree { path: out.into() });
+    }
     if a.canonicalize().ok() == b.canonicalize().ok() {
         return Err(DaemonError::OneSession { folder: a.into() });
     }
+    let recordings = [Recording::read(a)?, Recording::read(b)?];
+    let (made, mesh) = combine(&recordings, mesh, watcher)?;
+    let data = match out.parent() {
+        Some(parent) if parent != Path::new("") => parent,
+        _ => Path::new("."),
+    };
+    std::fs::create_dir_all(data).map_err(|source| DaemonError::Write { path: data.into(), source })?;
+    let first = recordings[0].manifest();
+    let plan = Plan { views: Vec::new(), ..first.plan.clone() };
+    let mut manifest = Manifest::new(&name, Origin::Merge, plan, first.config.clone());
+    manifest.geometry = first.geometry.clone();
+    for recording in &recordings {
+        manifest.merged_from.push(source(recording, data)?);
+    }
+    let mut staged = Store::new(data).stage(&manifest)?;
+    let session = staged.session();
+    let started = Happening::Started { session: name.clone(), views: 0, already_captured: 0 };
+    session.append(started)?;
+    let Finished { files, .. } = record(session, &made, mesh.as_ref())?;
+    let session = staged.publish()?;
+    Ok(finish::finished(&made, &manifest.software, session.recording().folder(), &name, files))
+}
+
+/// Merges a merged session's captures again; also the mesh that it was made with, where one is asked for.
+///
+/// # Errors
+/// [`DaemonError::Source`] where a capture is missing or is another one; as [`merge`] otherwise.
+pub(super) fn again(
+    recording: &Recording,
+    mesh: Option<&MeshSettings>,
+    watcher: &Watcher,
+) -> Result<(MadeMerge, Option<MeshSettings>), DaemonError> {
+    let manifest = recording.manifest();
+    let mut captures = Vec::new();
+    for source in &manifest.merged_from {
+        let path = recording.folder().join(&source.folder);
+        let wrong = |reason: String| DaemonError::Source {
+            merged: manifest.name.clone(),
+            name: source.name.clone(),
+            reason,
+            path: path.clone(),
+        };
+        let capture = match Recording::read(&path) {
+            Err(SessionError::Absent { .. }) => return Err(wrong("which is not there any more".into())),
+            other => other?,
+        };
+        if capture.evidence_sha256()? != source.sha256 {
+            return Err(wrong("and another one has its place: its manifest or its pictures differ".into()));
+        }
+        captures.push(capture);
+    }
+    let [a, b] = &captures[..] else {
+        return Err(wrong_count(&manifest.name, captures.len()));
+    };
+    combine(&[a.clone(), b.clone()], mesh, watcher)
+}
+
+/// A manifest with another number of sources is refused when it is read.
+fn wrong_count(name: &str, sources: usize) -> DaemonError {
+    DaemonError::Frozen {
+        session: name.into(),
+        part: "sources",
+        reason: format!("there are {sources}, not 2"),
+    }
+}
+
+/// What is kept of a capture: where it is, and what it was.
+fn source(recording: &Recording, data: &Path) -> Result<MergeSource, DaemonError> {
+    let whole = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let folder = whole(recording.folder());
+    // A data folder may be moved; its sessions stay beside one another.
+    let folder = match (folder.parent(), folder.file_name()) {
+        (Some(parent), Some(name)) if parent == whole(data) => Path::new("..").join(name),
+        _ => folder,
+    };
+    let name = recording.manifest().name.clone();
+    Ok(MergeSource { name, folder, sha256: recording.evidence_sha256()? })
+}
+
+/// A merging with what it took.
+pub(super) struct MadeMerge {
+    merged: Merged,
+    timing_s: serde_json::Value,
+}
+
+impl Made for MadeMerge {
+    fn products(&self, software: &str, _: &str) -> Result<Vec<Product>, PipelineError> {
+        self.merged.products(software)
+    }
+
+    fn result_file(
+        &self,
+        software: &str,
+        session: &str,
+        products: BTreeMap<String, String>,
+        timing_s: serde_json::Value,
+    ) -> ResultFile {
+        self.merged.result_file(software, session, products, timing_s)
+    }
+
+    fn timing_s(&self) -> serde_json::Value {
+        self.timing_s.clone()
+    }
+}
+
+fn combine(
+    [a, b]: &[Recording; 2],
+    mesh: Option<&MeshSettings>,
+    watcher: &Watcher,
+) -> Result<(MadeMerge, Option<MeshSettings>), DaemonError> {
     let told = Numbered::new(watcher);
     let start = Instant::now();
-    let (first, settings) = seen(a, &told)?;
+    let (first, mut settings) = seen(a, &told)?;
     let (second, _) = seen(b, &told)?;
     let names = [first.name.as_str(), second.name.as_str()];
-    let mut settings = settings;
-    if let Some(asked) = mesh {
-        settings.mesh = asked.over(&settings.mesh);
+    let mesh = mesh.map(|asked| asked.over(&settings.mesh));
+    if let Some(mesh) = &mesh {
+        settings.mesh = mesh.clone();
         settings.check()?;
     }
     let poses_s = start.elapsed().as_secs_f64();
     let start = Instant::now();
-    let made = pipeline::merge(&settings, [&first.pose, &second.pose], names, &|what| told.tell(what))?;
+    let merged = pipeline::merge(&settings, [&first.pose, &second.pose], names, &|what| told.tell(what))?;
     let merge_s = start.elapsed().as_secs_f64();
-    let timing = serde_json::json!({ "poses": poses_s, "merge": merge_s, "total": poses_s + merge_s });
-    write(&made, out, &timing)
+    let timing_s = serde_json::json!({ "poses": poses_s, "merge": merge_s, "total": poses_s + merge_s });
+    Ok((MadeMerge { merged, timing_s }, mesh))
 }
 
 /// A session's pose.
@@ -61,17 +170,19 @@ struct Posed {
 }
 
 /// Recomputes a session's cameras and silhouettes from its recording.
-fn seen(folder: &Path, told: &Numbered) -> Result<(Posed, Settings), DaemonError> {
-    let recording = Recording::read(folder)?;
-    check_views(&recording)?;
-    let (_, mut pipeline): (_, Pipeline) = computation(&recording)?;
-    pipeline.settings.report.pictures = false;
+fn seen(recording: &Recording, told: &Numbered) -> Result<(Posed, Settings), DaemonError> {
     let name = recording.manifest().name.clone();
+    if recording.manifest().origin == Origin::Merge {
+        let sources = recording.manifest().merged_from.iter().map(|s| s.name.clone()).collect();
+        return Err(DaemonError::MergedAlready { name, sources });
+    }
+    check_views(recording)?;
+    let (_, mut pipeline): (_, Pipeline) = computation(recording)?;
+    pipeline.settings.report.pictures = false;
     let views = recording.views().len();
     told.tell(Happening::Started { session: name.clone(), views, already_captured: views });
     let (send, receive) = sync_channel(WAITING_VIEWS);
     let pose = std::thread::scope(|scope| {
-        let recording = &recording;
         let feeding = scope.spawn(move || send_recorded(recording, &send, |view| view));
         let pose = pipeline.pose(&name, receive, &|what| told.tell(what));
         match feeding.join() {
@@ -81,32 +192,4 @@ fn seen(folder: &Path, told: &Numbered) -> Result<(Posed, Settings), DaemonError
         Ok::<_, DaemonError>(pose?)
     })?;
     Ok((Posed { name, pose }, pipeline.settings))
-}
-
-/// Whether the products may go there: a folder with something in it is somebody's.
-pub(super) fn check_free(out: &Path) -> Result<(), DaemonError> {
-    let taken = match std::fs::read_dir(out) {
-        Ok(mut entries) => entries.next().is_some(),
-        Err(e) => e.kind() != std::io::ErrorKind::NotFound,
-    };
-    if taken { Err(DaemonError::NotFree { path: out.into() }) } else { Ok(()) }
-}
-
-fn write(made: &Merged, out: &Path, timing: &serde_json::Value) -> Result<MergeFinished, DaemonError> {
-    const SOFTWARE: &str = concat!("grainrig ", env!("CARGO_PKG_VERSION"));
-    let products = made.products(SOFTWARE)?;
-    let names: BTreeMap<String, String> = products.iter().map(|p| (p.kind.clone(), p.file.clone())).collect();
-    let result = made.result_file(SOFTWARE, names, timing.clone());
-    let mut text = serde_json::to_vec_pretty(&result).map_err(|e| DaemonError::Encode(e.to_string()))?;
-    text.push(b'\n');
-    std::fs::create_dir_all(out).map_err(|source| DaemonError::Write { path: out.into(), source })?;
-    let mut paths = BTreeMap::new();
-    let folder = out.canonicalize().unwrap_or_else(|_| out.to_owned());
-    for p in products {
-        write_whole(out, &p.file, &p.bytes)?;
-        paths.insert(p.kind, folder.join(&p.file).display().to_string());
-    }
-    write_whole(out, RESULT, &text)?;
-    paths.insert("result".into(), folder.join(RESULT).display().to_string());
-    Ok(MergeFinished { result: made.result_file(SOFTWARE, paths, timing.clone()), folder })
 }

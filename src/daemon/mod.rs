@@ -26,7 +26,7 @@ pub use focus::{Focused, focus};
 pub use host::{Host, HostError};
 pub use importing::{ImportGeometry, import};
 pub use live::{Resumed, capture, resume};
-pub use merging::{MergeFinished, merge};
+pub use merging::merge;
 pub use preview::{Preview, PreviewPart, Previews};
 pub use recorded::{Replayed, reconstruct, replay};
 pub use scale_file::{BodyKind, GivenScale, PictureScale, ScaleFile};
@@ -103,10 +103,36 @@ pub enum DaemonError {
         source: std::io::Error,
     },
     /// A folder that is not free.
-    #[error("{} is not an empty folder; give --out the name of a folder that does not exist yet", path.display())]
+    #[error("{} is there already; give --out the name of a session that does not exist yet", path.display())]
     NotFree {
         /// The folder.
         path: PathBuf,
+    },
+    /// A capture that a merged grain was made from is not there, or is another.
+    #[error(
+        "the grain {merged} was merged from session {name}, {reason}; put that session back at {}, or merge anew",
+        path.display()
+    )]
+    Source {
+        /// Name of the merged session.
+        merged: String,
+        /// Name of the capture.
+        name: String,
+        /// What is wrong.
+        reason: String,
+        /// Where it was looked for.
+        path: PathBuf,
+    },
+    /// A merged grain where a capture is wanted.
+    #[error(
+        "{name} is a merged grain and has no views of its own; merge captures: it was made from {}",
+        sources.join(" and ")
+    )]
+    MergedAlready {
+        /// Name of the merged session.
+        name: String,
+        /// Names of its captures.
+        sources: Vec<String>,
     },
     /// One session, twice.
     #[error("both sessions are {}; give two captures of the grain, with another side down in the second", folder.display())]

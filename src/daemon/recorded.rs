@@ -1,7 +1,7 @@
 //! Jobs on recorded sessions: the computation again, and the whole way again.
 
-use super::finish::{self, Finished};
-use super::{DaemonError, Watcher};
+use super::finish::{self, Finished, Made};
+use super::{DaemonError, Watcher, merging};
 use crate::acquire::{self, Control, Earlier, Fate, FrameSink, Outcome, QualityMode, SystemClock};
 use crate::config::Config;
 use crate::geometry::Angle;
@@ -11,7 +11,7 @@ use crate::pipeline::{
 use crate::rig::Frame;
 use crate::session::event::{Event, Happening};
 use crate::session::replay::replay as play;
-use crate::session::{Plan, PlannedView, Recording, Session, SessionError};
+use crate::session::{Origin, Plan, PlannedView, Recording, Session, SessionError};
 use std::path::Path;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -81,6 +81,13 @@ pub fn reconstruct(
     session.observe(move |e| watch(e));
     let session = Mutex::new(session);
     let recording = lock(&session).recording().clone();
+    if recording.manifest().origin == Origin::Merge {
+        let (outcome, mesh) = match merging::again(&recording, mesh, watcher) {
+            Ok((made, mesh)) => (Ok(made), mesh),
+            Err(error) => (Err(error), None),
+        };
+        return conclude(&session, outcome, mesh.as_ref());
+    }
     check_views(&recording)?;
     let (_, mut pipeline) = computation(&recording)?;
     pipeline.settings.report.pictures &= pictures;
@@ -161,27 +168,33 @@ pub(super) fn lock(session: &Mutex<Session>) -> std::sync::MutexGuard<'_, Sessio
 /// Writes the products, or journals why there are none. `mesh` is what was asked otherwise than the frozen settings.
 pub(super) fn conclude(
     session: &Mutex<Session>,
-    outcome: Result<Reconstruction, DaemonError>,
+    outcome: Result<impl Made, DaemonError>,
     mesh: Option<&MeshSettings>,
 ) -> Result<Finished, DaemonError> {
-    let written = outcome.and_then(|made| {
-        let mut session = lock(session);
-        session.recording().check_frames()?;
-        let manifest = session.recording().manifest().clone();
-        let timing = serde_json::json!(made.timing_s);
-        let files = finish::render(&made, &manifest.software, &manifest.name, timing.clone())?;
-        // As the file has it: with the products' names, not with their places on this computer.
-        let result = finish::result_of(&files)?;
-        let records = finish::write(&mut session, &files, timing, mesh)?;
-        let folder = session.recording().folder().to_owned();
-        let done = finish::finished(&made, &manifest.software, &folder, &manifest.name, records);
-        session.append(Happening::Complete { result })?;
-        Ok(done)
-    });
+    let written = outcome.and_then(|made| record(&mut lock(session), &made, mesh));
     if let Err(error) = &written {
         note(session, Happening::Failed { error: error.to_string() });
     }
     written
+}
+
+/// Writes the products and journals them, and that all is done.
+pub(super) fn record(
+    session: &mut Session,
+    made: &dyn Made,
+    mesh: Option<&MeshSettings>,
+) -> Result<Finished, DaemonError> {
+    session.recording().check_frames()?;
+    let manifest = session.recording().manifest().clone();
+    let timing = made.timing_s();
+    let files = finish::render(made, &manifest.software, &manifest.name, timing.clone())?;
+    // As the file has it: with the products' names, not with their places on this computer.
+    let result = finish::result_of(&files)?;
+    let records = finish::write(session, &files, timing, mesh)?;
+    let folder = session.recording().folder().to_owned();
+    let done = finish::finished(made, &manifest.software, &folder, &manifest.name, records);
+    session.append(Happening::Complete { result })?;
+    Ok(done)
 }
 
 /// What a replay made, and how it compares.
@@ -207,11 +220,26 @@ pub fn replay(folder: &Path, watcher: &Watcher) -> Result<Replayed, DaemonError>
         finish::end(&mut session)?;
         recording = session.recording().clone();
     }
-    let plan = Plan { settle_ms: 0, retakes: 0, ..recording.manifest().plan.clone() };
-    check_views(&recording)?;
-    let (_, mut pipeline) = computation(&recording)?;
     let made_before = made_before(&recording)?;
-    if let Some(before) = &made_before {
+    if recording.manifest().origin == Origin::Merge {
+        let mesh = made_before.as_ref().and_then(|before| before.mesh.as_ref());
+        let (made, _) = merging::again(&recording, mesh, watcher)?;
+        return compared(&recording, &made, made_before, watcher);
+    }
+    let made = played(&recording, made_before.as_ref(), watcher)?;
+    compared(&recording, &made, made_before, watcher)
+}
+
+/// Sends the recorded pictures through acquisition and computation.
+fn played(
+    recording: &Recording,
+    made_before: Option<&MadeBefore>,
+    watcher: &Watcher,
+) -> Result<Reconstruction, DaemonError> {
+    let plan = Plan { settle_ms: 0, retakes: 0, ..recording.manifest().plan.clone() };
+    check_views(recording)?;
+    let (_, mut pipeline) = computation(recording)?;
+    if let Some(before) = made_before {
         if let Some(mesh) = &before.mesh {
             pipeline.settings.mesh = mesh.clone();
         }
@@ -221,10 +249,10 @@ pub fn replay(folder: &Path, watcher: &Watcher) -> Result<Replayed, DaemonError>
     let session = &recording.manifest().name;
     let (send, receive) = sync_channel(WAITING_VIEWS);
     let numbered = Numbered::new(watcher);
-    let made = std::thread::scope(|scope| {
+    std::thread::scope(|scope| {
         let computing = scope.spawn(|| pipeline.run(receive, &|what| numbered.tell(what)));
         let (mut stage, mut camera) = play(recording.clone());
-        let mut sink = ReplaySink { recording: &recording, send, numbered: &numbered };
+        let mut sink = ReplaySink { recording, send, numbered: &numbered };
         let control = Control::new();
         let ended = acquire::run(&mut stage, &mut camera, &plan, &mut sink, &control, &SystemClock::new());
         drop(sink);
@@ -239,22 +267,32 @@ pub fn replay(folder: &Path, watcher: &Watcher) -> Result<Replayed, DaemonError>
                 Err(DaemonError::Aborted { session: session.clone(), captured, planned })
             }
         }
-    })?;
+    })
+}
+
+/// Holds what was made against the recorded products; a session without products gets its first ones.
+fn compared(
+    recording: &Recording,
+    made: &dyn Made,
+    made_before: Option<MadeBefore>,
+    watcher: &Watcher,
+) -> Result<Replayed, DaemonError> {
+    let folder = recording.folder();
     let Some(MadeBefore { timing_s, .. }) = made_before else {
         let mut session = Session::open(folder)?;
         let watch = Arc::clone(watcher);
         session.observe(move |e| watch(e));
-        let finished = conclude(&Mutex::new(session), Ok(made), None)?;
+        let finished = record(&mut session, made, None)?;
         return Ok(Replayed { finished, differs: Vec::new() });
     };
-    let software = &recording.manifest().software;
-    let files = finish::render(&made, software, session, timing_s)?;
-    let differs = finish::compare(&recording, files)?;
-    if finish::lacks_end(&recording) && differs.is_empty() {
+    let (software, session) = (&recording.manifest().software, &recording.manifest().name);
+    let files = finish::render(made, software, session, timing_s)?;
+    let differs = finish::compare(recording, files)?;
+    if finish::lacks_end(recording) && differs.is_empty() {
         finish::end(&mut Session::open(folder)?)?;
     }
     let records = recording.products().cloned().collect();
-    let finished = finish::finished(&made, software, recording.folder(), session, records);
+    let finished = finish::finished(made, software, folder, session, records);
     Ok(Replayed { finished, differs })
 }
 

@@ -85,28 +85,18 @@ pub struct Merged {
     warnings: Vec<String>,
 }
 
-/// `result.json` of a merging: that of a session, and the figures of the merging.
-#[derive(Debug, Clone, Serialize)]
-pub struct MergedFile {
-    /// As of a session. There is no axis, pedestal or calibration: those are each session's own. The views are the
-    /// first pose's, then the second's, each with the index that it has in its own session.
-    #[serde(flatten)]
-    pub result: ResultFile,
-    /// The figures of the merging.
-    pub merge: MergeResult,
-}
-
 impl Merged {
     /// The result, with the products' places and the timing to state.
     pub fn result_file(
         &self,
         software: &str,
+        session: &str,
         products: BTreeMap<String, String>,
         timing_s: serde_json::Value,
-    ) -> MergedFile {
-        let result = ResultFile {
+    ) -> ResultFile {
+        ResultFile {
             software: software.into(),
-            session: format!("{} + {}", self.merge.a.session, self.merge.b.session),
+            session: session.into(),
             views: self.views.len(),
             scale_mm_per_px: self.scale_mm_per_px,
             axis: None,
@@ -118,8 +108,8 @@ impl Merged {
             timing_s,
             warnings: self.warnings.clone(),
             view_details: self.views.clone(),
-        };
-        MergedFile { result, merge: self.merge.clone() }
+            merge: Some(self.merge.clone()),
+        }
     }
 
     /// The mesh as Abaqus input, `ParaView` grid and STL surface.

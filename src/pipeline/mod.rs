@@ -22,7 +22,7 @@ mod stream;
 pub use convergence::{CONVERGENCE, Convergence};
 pub use decode::{Photograph, decode};
 pub use jpeg::Jpeg;
-pub use merge::{MergeResult, Merged, MergedFile, PoseResult, merge};
+pub use merge::{MergeResult, Merged, PoseResult, merge};
 pub use pictures::{OUTLINE, SHEET};
 pub use pose::SeenPose;
 pub use products::{Product, products};

@@ -101,6 +101,7 @@ impl Reconstruction {
             timing_s,
             warnings: self.warnings.clone(),
             view_details: self.views.clone(),
+            merge: None,
         }
     }
 }

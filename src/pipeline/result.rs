@@ -1,6 +1,7 @@
 //! What `result.json` says: every figure with its unit in its name.
 
 use super::convergence::Convergence;
+use super::merge::MergeResult;
 use super::stand::ContactPatch;
 use crate::calibrate::{AxisMethod, Calibration};
 use crate::geometry::Aabb;
@@ -39,8 +40,13 @@ pub struct ResultFile {
     pub timing_s: serde_json::Value,
     /// What a person should know.
     pub warnings: Vec<String>,
-    /// Each view's silhouette.
+    /// Each view's silhouette; of a merged grain the first pose's views, then the second's, each with the index that it
+    /// has in its own session.
     pub view_details: Vec<ViewResult>,
+    /// The figures of the merging, where the grain was merged from two captures. There is no axis, pedestal or
+    /// calibration then: those are each session's own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub merge: Option<MergeResult>,
 }
 
 /// The rotation axis in the picture.

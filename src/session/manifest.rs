@@ -4,6 +4,7 @@ use super::event::Role;
 use crate::geometry::Angle;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 
 /// The version of the folder's layout that this program writes and reads.
 pub const FORMAT_VERSION: u32 = 1;
@@ -39,6 +40,21 @@ pub struct Manifest {
     /// A picture without the grain, where there is one.
     #[serde(default)]
     pub background: Option<ArchivedFile>,
+    /// The two captures that a merged grain was made from; empty otherwise.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub merged_from: Vec<MergeSource>,
+}
+
+/// A capture that a merged grain was made from.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MergeSource {
+    /// The session's name.
+    pub name: String,
+    /// Its folder, from the merged session's folder on; from the root on where the two lie in different data folders.
+    pub folder: PathBuf,
+    /// What it was: SHA-256 of the hashes of its manifest and its pictures, hexadecimal
+    /// ([`Recording::evidence_sha256`](super::Recording::evidence_sha256)).
+    pub sha256: String,
 }
 
 impl Manifest {
@@ -56,6 +72,7 @@ impl Manifest {
             geometry: serde_json::Value::Null,
             sources: Vec::new(),
             background: None,
+            merged_from: Vec::new(),
         }
     }
 }
@@ -68,6 +85,8 @@ pub enum Origin {
     Rig,
     /// Somebody else's photographs.
     Import,
+    /// Two sessions of one grain: it has no pictures of its own.
+    Merge,
 }
 
 /// A file inside `frames/` beside the views' pictures.

@@ -30,7 +30,7 @@ mod writer;
 
 pub use disk::{Held, LOCK, check_space, free_bytes, hold, sha256_hex, sha256_of, write_whole};
 pub use error::SessionError;
-pub use manifest::{Manifest, Origin, Plan, PlannedView, required_bytes};
+pub use manifest::{Manifest, MergeSource, Origin, Plan, PlannedView, required_bytes};
 pub use name::check_name;
 pub use recording::{Recording, State};
 pub use store::{Staged, Store, Summary};

@@ -1,10 +1,10 @@
 //! A session as it stands on the disk, read without changing it.
 
 use super::SessionError;
-use super::disk::{LOCK, sha256_hex};
+use super::disk::{LOCK, Lock, sha256_hex};
 use super::event::{CapturedView, Event, Happening, ProductRecord};
 use super::journal::{Chain, Damage, Decoder};
-use super::manifest::{ArchivedFile, FORMAT_VERSION, Manifest};
+use super::manifest::{ArchivedFile, FORMAT_VERSION, Manifest, Origin};
 use super::name::check_name;
 use crate::rig::{Encoding, Frame};
 use serde::{Deserialize, Serialize};
@@ -34,6 +34,22 @@ pub enum State {
     Captured,
     /// Everything is done.
     Complete,
+    /// A run is taking pictures now. No journal says so: it is what [`State::seen`] makes of a session that is written.
+    Capturing,
+    /// All views are captured, and a run computes from them now; as [`State::Capturing`].
+    Computing,
+}
+
+impl State {
+    /// What the state is for who looks on, where `busy` says whether somebody writes the session now.
+    #[must_use]
+    pub fn seen(self, busy: bool) -> Self {
+        match self {
+            Self::Created | Self::Interrupted if busy => Self::Capturing,
+            Self::Captured if busy => Self::Computing,
+            other => other,
+        }
+    }
 }
 
 /// A session as it stands on the disk.
@@ -196,6 +212,23 @@ impl Recording {
         self.events.iter().rev().find_map(of).unwrap_or(State::Created)
     }
 
+    /// Whether somebody writes the session now.
+    pub fn is_busy(&self) -> bool {
+        Lock::is_held(&self.folder)
+    }
+
+    /// SHA-256 of the hashes of the manifest and of all pictures with their angles, hexadecimal: what the session was, whatever
+    /// has been computed from it since.
+    ///
+    /// # Errors
+    /// [`SessionError`] where the manifest cannot be read.
+    pub fn evidence_sha256(&self) -> Result<String, SessionError> {
+        let manifest = sha256_hex(&read_manifest(&self.folder)?);
+        let views = self.views().map(|v| format!("{} {} {}", v.view, v.reached_deg, v.sha256));
+        let lines: Vec<String> = std::iter::once(manifest).chain(views).collect();
+        Ok(sha256_hex(lines.join("\n").as_bytes()))
+    }
+
     /// The picture of a view, its hash checked against the journal.
     ///
     /// # Errors
@@ -306,8 +339,16 @@ pub(super) fn check_manifest(manifest: &Manifest) -> Result<(), String> {
         check_name("background file", &b.file).map_err(|e| e.to_string())?;
     }
     let plan = &manifest.plan;
-    if plan.views.is_empty() {
-        return Err("its plan has no views".to_owned());
+    match (manifest.origin, plan.views.len(), manifest.merged_from.len()) {
+        (Origin::Merge, 0, 2) | (Origin::Rig | Origin::Import, 1.., 0) => {}
+        (Origin::Merge, views, sources) => {
+            return Err(format!("a merged grain has 2 sources and no views, not {sources} and {views}"));
+        }
+        (_, 0, _) => return Err("its plan has no views".to_owned()),
+        _ => return Err("it has views and is merged from others".to_owned()),
+    }
+    for source in &manifest.merged_from {
+        check_name("session name", &source.name).map_err(|e| e.to_string())?;
     }
     for (i, v) in plan.views.iter().enumerate() {
         if v.index != i || !v.angle_deg.is_finite() {

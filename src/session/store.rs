@@ -215,7 +215,7 @@ fn summarise(name: String, folder: &Path) -> Summary {
             line.origin = Some(r.manifest().origin);
             line.planned = r.manifest().plan.views.len();
             line.captured = r.views().len();
-            line.state = Some(r.state());
+            line.state = Some(r.state().seen(line.busy));
             line.torn_bytes = r.torn_bytes();
         }
     }

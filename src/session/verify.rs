@@ -132,7 +132,7 @@ pub fn verify(folder: &Path) -> Result<VerifyReport, SessionError> {
         Err(e) => return Err(e),
     };
     report.session = Some(recording.manifest().name.clone());
-    report.state = Some(recording.state());
+    report.state = Some(recording.state().seen(report.busy));
     report.records = recording.events().len();
     report.planned = recording.manifest().plan.views.len();
     if let Some(d) = damage {
