@@ -9,14 +9,19 @@ use crate::contact::CurvePoint;
 use crate::contact::experiment::{self, Compliance};
 use crate::daemon::{
     CompressInput, CompressMaterial, CompressProgress, CompressRequest, CompressResult, Compression,
-    DaemonError, OtherCurve,
+    DaemonError, OtherCurve, experiment_lines,
 };
 use crate::export::{inp_read, msh, stl};
 use crate::geometry::TriangleMesh;
 use crate::session::Recording;
 use anyhow::{Context as _, Result, bail};
 use clap::Args;
+use std::fs::File;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
+
+/// The most that is read of an export or of another compression's result.
+const MOST_BYTES: u64 = 64 << 20;
 
 /// Options of `compress`.
 #[derive(Debug, Args)]
@@ -259,9 +264,7 @@ fn surface(path: &Path, unit: Unit) -> Result<TriangleMesh> {
 /// The curves to be drawn beside: the laboratory's, and those of other compressions.
 fn others(a: &Arguments) -> Result<Vec<OtherCurve>> {
     let read = |path: &Path| -> Result<experiment::Experiment> {
-        let bytes =
-            std::fs::read(path).with_context(|| format!("cannot read {}; check the path", path.display()))?;
-        experiment::read(&bytes).with_context(|| path.display().to_string())
+        experiment::read(&bounded(path, "a Bluehill export")?).with_context(|| path.display().to_string())
     };
     let mut out = Vec::new();
     if let Some(path) = &a.experiment {
@@ -272,21 +275,41 @@ fn others(a: &Arguments) -> Result<Vec<OtherCurve>> {
             }
             (None, None) => Compliance::none(),
         };
-        let curve = read(path)?.curve(&compliance).with_context(|| path.display().to_string())?;
-        out.push(OtherCurve { name: "experiment".into(), points: curve, measured: true });
+        let (points, reading) =
+            read(path)?.read_off(&compliance, a.transition_n).with_context(|| path.display().to_string())?;
+        let measured = Some((path.display().to_string(), reading));
+        out.push(OtherCurve { name: "experiment".into(), points, measured });
     }
     for folder in &a.beside {
         let path = folder.join("result.json");
-        let bytes = std::fs::read(&path)
-            .with_context(|| format!("cannot read {}; check the path", path.display()))?;
+        let bytes = bounded(&path, "a result of a compression")?;
         let result: CompressResult = serde_json::from_slice(&bytes)
             .with_context(|| format!("{} is no result of a compression", path.display()))?;
         let plastic = result.settings.material.yield_mpa.is_some();
         let name = if plastic { "elastic-plastic" } else { "elastic" };
         let points: Vec<CurvePoint> = result.curve;
-        out.push(OtherCurve { name: name.into(), points, measured: false });
+        out.push(OtherCurve { name: name.into(), points, measured: None });
     }
     Ok(out)
+}
+
+/// The bytes of a file that holds so much at most: a sparse one may claim any length, and a device has no end.
+fn bounded(path: &Path, what: &str) -> Result<Vec<u8>> {
+    let reason = || format!("cannot read {}; check the path", path.display());
+    let file = File::open(path).with_context(reason)?;
+    let length = file.metadata().with_context(reason)?.len();
+    let mut bytes = Vec::new();
+    if length <= MOST_BYTES {
+        file.take(MOST_BYTES + 1).read_to_end(&mut bytes).with_context(reason)?;
+    }
+    if length > MOST_BYTES || bytes.len() as u64 > MOST_BYTES {
+        let size = if length > MOST_BYTES { format!("has {length} bytes") } else { "does not end".into() };
+        bail!(
+            "{} {size}: {what} has at most {MOST_BYTES} (a million rows); check the path, or export fewer rows",
+            path.display()
+        );
+    }
+    Ok(bytes)
 }
 
 /// What a person reads.
@@ -335,6 +358,10 @@ fn told(r: &CompressResult) -> String {
         r.contacts.iter().filter(|c| c.died_mm.is_none()).count(),
         r.rotation_deg
     ));
+    if let Some(e) = &r.experiment {
+        lines.extend(experiment_lines(e));
+        lines.extend(e.reading.notes.iter().map(|n| format!("note       experiment: {n}")));
+    }
     lines.push(format!("files      {}", r.files.join(", ")));
     lines.join("\n") + "\n"
 }

@@ -17,7 +17,7 @@ mod scaling;
 pub use compressing::{
     Claim, CompressDetails, CompressError, CompressFile, CompressHost, CompressInput, CompressLine,
     CompressMaterial, CompressProgress, CompressRequest, CompressResult, CompressSettings, CompressState,
-    Compression, EnergyResult, OtherCurve, Placing,
+    Compression, EnergyResult, ExperimentResult, OtherCurve, Placing, experiment_lines,
 };
 pub use devices::{DeviceLine, devices};
 pub use doctor::{Finding, Health, doctor};

@@ -5,6 +5,7 @@ mod calculix;
 mod command;
 mod decks;
 mod elements;
+mod experiments;
 mod grain;
 mod killed;
 mod plastic;

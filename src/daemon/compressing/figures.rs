@@ -1,6 +1,9 @@
 //! What a compression is made of and what comes out of it, as files and callers have it.
 
-use crate::contact::{Contact, CurvePoint, Energy, HertzFit, Loading, Material, QuasiStatic, Sample};
+use crate::contact::experiment::Reading;
+use crate::contact::{
+    Agreement, Contact, CurvePoint, Energy, HertzFit, Loading, Material, QuasiStatic, Sample,
+};
 use serde::{Deserialize, Serialize};
 
 /// What was asked, as `run.json` keeps it.
@@ -62,6 +65,9 @@ pub struct CompressResult {
     pub rotation_deg: f64,
     /// How far nodes are beyond a plate, mm: contact is exact.
     pub overclosure_mm: f64,
+    /// The laboratory's test, where one was given: how it was read, and how well the computed curve agrees with it.
+    #[serde(default)]
+    pub experiment: Option<ExperimentResult>,
     /// Every contact that there was.
     pub contacts: Vec<Contact>,
     /// What a person should know.
@@ -109,6 +115,18 @@ impl From<Energy> for EnergyResult {
     }
 }
 
+/// A laboratory's test beside a compression.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ExperimentResult {
+    /// The export's file.
+    pub file: String,
+    /// What was read off it, and how.
+    #[serde(flatten)]
+    pub reading: Reading,
+    /// How well the computed curve agrees with it; none where they have no approach in common.
+    pub agreement: Option<Agreement>,
+}
+
 /// A curve to be drawn beside the computed one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OtherCurve {
@@ -116,8 +134,8 @@ pub struct OtherCurve {
     pub name: String,
     /// The curve.
     pub points: Vec<CurvePoint>,
-    /// Measured rather than computed.
-    pub measured: bool,
+    /// Where it was measured: the file, and how it was read.
+    pub measured: Option<(String, Reading)>,
 }
 
 /// How far a compression is.

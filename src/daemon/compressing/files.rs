@@ -1,7 +1,8 @@
 //! The files of a compression.
 
-use super::{CompressResult, DaemonError, OtherCurve};
-use crate::contact::{CurvePoint, Press, Sample, agreement, hertz, section, transition_mm};
+use super::{CompressResult, DaemonError, ExperimentResult, OtherCurve};
+use crate::contact::experiment::LoadingEnd;
+use crate::contact::{Press, Sample, hertz, section};
 use crate::export::{press_deck, pvd, vtu};
 use crate::geometry::{Point, Vector};
 use crate::mesh::TetMesh;
@@ -246,31 +247,57 @@ fn sheet(press: &Press, result: &CompressResult, others: &[OtherCurve]) -> Sheet
             fit.residual_n
         ));
     }
-    for other in others.iter().filter(|o| o.measured) {
-        let delta = transition_mm(&other.points, s.transition_n);
-        let mut line = format!("{}: ", other.name);
-        if let Some(d) = delta {
-            let _ = write!(line, "delta_i {:.2} µm; ", 1e3 * d);
-        }
-        let computed: Vec<CurvePoint> = result.curve.clone();
-        match agreement(&computed, &other.points) {
-            Some(a) => {
-                let _ = write!(
-                    line,
-                    "root mean square difference {:.3} N ({:.1} % of its largest force), determination {:.3}",
-                    a.rms_n,
-                    100.0 * a.relative,
-                    a.determination
-                );
-            }
-            None => line.push_str("no approach in common with the computed curve"),
-        }
-        figures.push(line);
+    let mut warnings = result.warnings.clone();
+    if let Some(e) = &result.experiment {
+        figures.extend(experiment_lines(e));
+        warnings.extend(e.reading.notes.iter().map(|n| format!("experiment: {n}")));
     }
-    Sheet {
-        title: format!("Compression of {}", s.source),
-        panels,
-        figures,
-        warnings: result.warnings.clone(),
+    Sheet { title: format!("Compression of {}", s.source), panels, figures, warnings }
+}
+
+/// What a test says, and what was taken for zero, contact and end.
+pub fn experiment_lines(e: &ExperimentResult) -> Vec<String> {
+    let r = &e.reading;
+    let mut first = match (r.delta_i_mm, r.first_crossing_mm) {
+        (Some(d), Some(f)) if d > f => {
+            format!(
+                "delta_i {:.2} µm at {} N (first passed at {:.2} µm, then it fell again)",
+                1e3 * d,
+                r.transition_n,
+                1e3 * f
+            )
+        }
+        (Some(d), _) => format!("delta_i {:.2} µm at {} N", 1e3 * d, r.transition_n),
+        _ => format!("delta_i not known: {} N are never passed", r.transition_n),
+    };
+    match &e.agreement {
+        Some(a) => {
+            let _ = write!(
+                first,
+                "; root mean square difference {:.3} N ({:.1} % of its largest force), determination {:.3}",
+                a.rms_n,
+                100.0 * a.relative,
+                a.determination
+            );
+        }
+        None => first.push_str("; no approach in common with the computed curve"),
     }
+    let noise = r.noise_n.map_or("not known".to_owned(), |n| format!("{n:.4} N"));
+    let end = match r.end {
+        LoadingEnd::TurnedRound => "where the crosshead turns round",
+        LoadingEnd::RecordEnds => "where the record ends",
+    };
+    vec![
+        format!("experiment: {first}"),
+        format!(
+            "experiment: zero {:.4} N (noise {noise}), contact {:.4} N above it, at {:.5} mm (rows {:.2} µm apart); loading to {:.2} \
+             µm, {end}; {} µm/N of the machine taken off",
+            r.zero_n,
+            r.contact_n,
+            r.contact_mm,
+            1e3 * r.spacing_mm,
+            1e3 * r.end_mm,
+            r.compliance_um_per_n
+        ),
+    ]
 }

@@ -17,13 +17,17 @@ mod tests;
 
 pub use asked::{Claim, CompressMaterial, CompressRequest};
 pub use body::{CompressInput, Placing};
-pub use figures::{CompressProgress, CompressResult, CompressSettings, EnergyResult, OtherCurve};
+pub use figures::{
+    CompressProgress, CompressResult, CompressSettings, EnergyResult, ExperimentResult, OtherCurve,
+};
+pub use files::experiment_lines;
 pub use host::{CompressError, CompressHost};
 pub use shelf::{CompressDetails, CompressFile, CompressLine, CompressState};
 
 use super::DaemonError;
 use crate::contact::{
-    ContactError, CurvePoint, Loading, Press, Sample, fit_hertz, hertz, quasi_static, transition_mm,
+    ContactError, CurvePoint, Loading, Press, Sample, agreement, fit_hertz, hertz, quasi_static,
+    transition_mm,
 };
 use crate::mesh::TetMesh;
 use crate::session::{Held, hold, write_whole};
@@ -235,6 +239,10 @@ impl Compression {
         let rotation_deg = samples
             .last()
             .map_or(0.0, |s| s.rotation_rad.iter().map(|x| x * x).sum::<f64>().sqrt().to_degrees());
+        let experiment = others.iter().find_map(|o| {
+            let (file, reading) = o.measured.clone()?;
+            Some(ExperimentResult { file, reading, agreement: agreement(&curve, &o.points) })
+        });
         let mut result = CompressResult {
             settings: settings.clone(),
             finished: press.finished(),
@@ -252,6 +260,7 @@ impl Compression {
             quasi_static: quasi,
             rotation_deg,
             overclosure_mm: press.overclosure_mm(),
+            experiment,
             contacts: press.contacts().to_vec(),
             warnings,
             files: Vec::new(),
