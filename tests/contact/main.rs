@@ -11,3 +11,4 @@ mod killed;
 mod plastic;
 mod press;
 mod sphere;
+mod told;

@@ -2,7 +2,7 @@
 
 use super::{CompressResult, DaemonError, ExperimentResult, OtherCurve};
 use crate::contact::experiment::LoadingEnd;
-use crate::contact::{Press, Sample, hertz, section};
+use crate::contact::{Press, Sample, Transition, hertz, section};
 use crate::export::{press_deck, pvd, vtu};
 use crate::geometry::{Point, Vector};
 use crate::mesh::TetMesh;
@@ -92,7 +92,9 @@ pub(super) fn write(
     write_whole(folder, "curve.svg", &sheet.svg())?;
     write_whole(folder, "curve.png", &sheet.png().map_err(|e| DaemonError::Encode(e.to_string()))?)?;
     let mut grids: Vec<(f64, String)> = (stages.iter().enumerate())
-        .map(|(k, i)| (1e3 * press.samples()[*i].approach_mm, format!("stage_{:02}.vtu", k + 1)))
+        .map(|(k, i)| {
+            ((1e9 * press.samples()[*i].approach_mm).round() / 1e6, format!("stage_{:02}.vtu", k + 1))
+        })
         .filter(|(_, name)| folder.join(name).exists())
         .collect();
     grids.dedup_by(|a, b| a.1 == b.1);
@@ -140,7 +142,7 @@ fn table(samples: &[Sample]) -> String {
         let turned = s.rotation_rad.iter().map(|x| x * x).sum::<f64>().sqrt().to_degrees();
         let _ = writeln!(
             out,
-            "{},{},{},{},{:e},{:e},{:e},{:e},{:e},{:e},{},{},{},{:e}",
+            "{:.9},{:.8},{:.8},{:.8},{:.9e},{:.6e},{:.6e},{:.6e},{:.6e},{:.3e},{:.6},{},{:.6},{:.6e}",
             s.approach_mm,
             s.force_n,
             s.lower_n[2],
@@ -234,9 +236,9 @@ fn sheet(press: &Press, result: &CompressResult, others: &[OtherCurve]) -> Sheet
         s.material.poisson,
         s.friction
     )];
-    if let Some(d) = result.delta_i_mm {
-        figures.push(format!("delta_i at {} N: {:.2} µm", s.transition_n, 1e3 * d));
-    }
+    figures.extend(
+        result.transition.map(|t| format!("delta_i at {} N: {}", s.transition_n, transition_line(&t))),
+    );
     if let Some(fit) = &result.hertz {
         figures.push(format!(
             "Hertz after delta_i: E* = {:.0} MPa at R = {:.4} mm, or R = {:.4} mm at the material's E*; origin {:.2} µm, residual {:.3} N",
@@ -253,6 +255,23 @@ fn sheet(press: &Press, result: &CompressResult, others: &[OtherCurve]) -> Sheet
         warnings.extend(e.reading.notes.iter().map(|n| format!("experiment: {n}")));
     }
     Sheet { title: format!("Compression of {}", s.source), panels, figures, warnings }
+}
+
+/// δ_i as a person reads it: alone where it is known, else with what is not.
+pub fn transition_line(t: &Transition) -> String {
+    let mut line = format!("{:.2} µm", 1e3 * t.delta_i_mm);
+    if t.first_crossing_mm < t.delta_i_mm {
+        let _ =
+            write!(line, " (first passed at {:.2} µm, then the force fell again)", 1e3 * t.first_crossing_mm);
+    }
+    if !t.settled {
+        let _ = write!(
+            line,
+            ", preliminary: not known whether the force falls again (it reached {:.2} N; {} N would tell)",
+            t.reached_n, t.needed_n
+        );
+    }
+    line
 }
 
 /// What a test says, and what was taken for zero, contact and end.
