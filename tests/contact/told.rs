@@ -53,7 +53,7 @@ fn a_transition_that_may_not_be_the_last_is_not_a_bare_number() {
     assert_eq!(whole["transition"]["first_crossing_mm"], whole["delta_i_mm"]);
 
     // No number has more digits than it means.
-    for file in ["result.json", "curve.csv", "stages.pvd"] {
+    for file in ["result.json", "curve.csv", "stages.pvd", "abaqus.inp", "calculix.inp"] {
         let read = std::fs::read_to_string(folder.path().join("whole").join(file)).unwrap();
         let (digits, number) = longest_number(&read);
         assert!(digits <= 10, "{file}: {number}");
@@ -124,4 +124,18 @@ fn what_is_done_before_the_plates_move_is_told_as_it_is_done() {
         "contacts",
     ];
     assert!(order.map(at).is_sorted(), "{said}");
+}
+
+#[test]
+fn the_stages_carry_the_stress_tensor_and_say_what_their_numbers_are() {
+    let folder = TempDir::new().unwrap();
+    compress(folder.path(), "s", &[&SPHERE[..], &["--to-force-n", "1"]].concat());
+    let read = |name: &str| std::fs::read_to_string(folder.path().join("s").join(name)).unwrap();
+    let stage = read("stage_08.vtu");
+    assert!(stage.contains("Name=\"cauchy_stress_mpa\" NumberOfComponents=\"6\" ComponentName0=\"XX\""));
+    for part in ["lengths in mm, stresses in MPa, tension positive", "approach ", " µm, force ", " N, time "]
+    {
+        assert!(stage.contains(part), "{part}");
+    }
+    assert!(read("stages.pvd").contains("<!-- timestep: approach of the plates, µm -->"));
 }

@@ -17,15 +17,29 @@ pub(super) fn stage(folder: &Path, number: usize, mesh: &TetMesh, press: &Press)
     let (places, upper_mm) = press.placed_mm();
     let (mises, least) = (fields.mises_mpa(), fields.least_principal_mpa());
     let moved: Vec<f64> = press.displacements_mm().iter().flat_map(|p| [p.x, p.y, p.z]).collect();
+    // In VTK's order: xx, yy, zz, xy, yz, xz.
+    let tensor: Vec<f64> =
+        fields.stress_mpa.iter().flat_map(|s| [s[0], s[1], s[2], s[5], s[3], s[4]]).collect();
     let nodal = [vtu::Column { name: "displacement_mm", components: 3, values: &moved }];
     let cells = [
         vtu::Column { name: "von_mises_mpa", components: 1, values: &mises },
         vtu::Column { name: "min_principal_mpa", components: 1, values: &least },
+        vtu::Column { name: "cauchy_stress_mpa", components: 6, values: &tensor },
         vtu::Column { name: "plastic_strain", components: 1, values: &fields.plastic_strain },
     ];
     let mut grid = Vec::new();
     let deformed = TetMesh::new(places.clone(), mesh.tets.clone());
-    vtu::write(&deformed, &nodal, &cells, &mut grid)?;
+    let mut told =
+        vec!["lengths in mm, stresses in MPa, tension positive; the places are those under load".to_owned()];
+    told.extend(press.samples().last().map(|s| {
+        format!(
+            "stage {number}: approach {:.4} µm, force {:.5} N, time {:.6e} s",
+            1e3 * s.approach_mm,
+            s.force_n,
+            s.time_s
+        )
+    }));
+    vtu::write_told(&deformed, &told, &nodal, &cells, &mut grid)?;
     write_whole(folder, &format!("stage_{number:02}.vtu"), &grid)?;
 
     let Some(sample) = press.samples().last() else { return Ok(()) };
@@ -99,7 +113,7 @@ pub(super) fn write(
         .collect();
     grids.dedup_by(|a, b| a.1 == b.1);
     let mut collection = Vec::new();
-    pvd::write(&grids, &mut collection)?;
+    pvd::write(&grids, "approach of the plates, µm", &mut collection)?;
     write_whole(folder, "stages.pvd", &collection)?;
     let s = &result.settings;
     let approach_mm = press.samples().last().map_or(0.0, |x| x.approach_mm);
@@ -113,6 +127,8 @@ pub(super) fn write(
         friction: s.friction,
         approach_mm: (s.loading.to_approach_mm.unwrap_or(approach_mm) + earlier_mm).max(1e-6),
         seconds: press.samples().last().map_or(1e-5, |x| x.time_s),
+        damping_per_s: press.dynamics().damping_per_s,
+        scaled_to_s: press.body().scaled_to_s(),
         steps: 10,
         source: &s.source,
     };
