@@ -151,7 +151,7 @@ function show() {
   write(part("press-name"), `${one.session}, ${one.name}`);
   const state = part("press-state");
   // The percents are the bar's: a screen reader is not told each.
-  write(state, one.state === "running" ? "Pressing" : compressing(one.state, one.done));
+  write(state, one.state === "running" ? "Pressing" : compressing(one.state, one.done, one.phase));
   state.dataset.state = one.state === "cancelled" || one.state === "interrupted" ? "paused" : one.state;
   const progress = /** @type {HTMLProgressElement} */ (part("press-progress"));
   progress.value = one.done;
@@ -219,6 +219,16 @@ function drawResults(one) {
 }
 
 /**
+ * What is not known of δ_i, where the run ended too early to tell.
+ * @param {any} result
+ * @returns {string}
+ */
+function preliminary(result) {
+  const settled = !result.transition || result.transition.settled;
+  return settled ? "" : "; preliminary: not known whether the force falls again";
+}
+
+/**
  * The figures that stand large: what, how much, how it was got.
  * @param {any} result
  * @returns {[string, string, string][]}
@@ -228,7 +238,7 @@ function figures(result) {
   const last = result.curve.at(-1);
   if (last) out.push(["Last force", `${figure(last.force_n)} N`, `at ${figure(1000 * last.approach_mm)} µm of approach`]);
   if (result.delta_i_mm !== null) {
-    out.push(["δ_i", `${figure(1000 * result.delta_i_mm)} µm`, `approach at ${number(result.settings.transition_n)} N`]);
+    out.push(["δ_i", `${figure(1000 * result.delta_i_mm)} µm`, `approach at ${number(result.settings.transition_n)} N${preliminary(result)}`]);
   }
   if (result.hertz) out.push(["Hertz’ radius", `${figure(result.hertz.radius_mm)} mm`, "fitted after δ_i, at the material’s E*"]);
   out.push(["Contacts", number(result.contacts.length), "in all, formed and lost"]);

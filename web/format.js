@@ -137,9 +137,10 @@ const COMPRESSION = /** @type {Record<string, string>} */ ({
 /**
  * @param {string} state
  * @param {number} done
+ * @param {string} [phase] What is being done before the plates move.
  */
-export function compressing(state, done) {
-  if (state === "meshing") return "Meshing";
+export function compressing(state, done, phase) {
+  if (state === "meshing") return phase ? phase[0].toUpperCase() + phase.slice(1) : "Meshing";
   return COMPRESSION[state] ?? `${Math.floor(100 * done)} %`;
 }
 
@@ -199,7 +200,7 @@ export function line(event) {
     case "complete":
       return "Run complete";
     case "compression":
-      return `Compression ${event.name} of ${event.session}: ${compressing(event.state, event.done)}${event.error ? `: ${event.error}` : ""}`;
+      return `Compression ${event.name} of ${event.session}: ${compressing(event.state, event.done, event.phase)}${event.error ? `: ${event.error}` : ""}`;
     default:
       return event.event;
   }

@@ -11,6 +11,7 @@
  * @property {string} session
  * @property {string} name
  * @property {"meshing"|"running"|"complete"|"cancelled"|"interrupted"|"failed"} state
+ * @property {string} [phase] What is being done before the plates move.
  * @property {number} done
  * @property {number|null} left_s
  * @property {number} contacts
@@ -70,11 +71,12 @@ export function idle() {
  * @returns {Compression}
  */
 function compressed(before, news) {
-  const { session, name, state, done, left_s, contacts, from, points, error } = news;
+  const { session, name, state, phase, done, left_s, contacts, from, points, error } = news;
   const same = before !== null && before.session === session && before.name === name;
   let curve = same ? before.curve.slice(0, from) : [];
   if (curve.length === from) curve = [...curve, ...points].slice(0, CURVE_POINTS_KEPT);
-  return { session, name, state, done, left_s, contacts, curve, error };
+  const setUp = phase === undefined ? {} : { phase };
+  return { session, name, state, ...setUp, done, left_s, contacts, curve, error };
 }
 
 /**

@@ -9,14 +9,19 @@ use crate::contact::CurvePoint;
 use crate::contact::experiment::{self, Compliance};
 use crate::daemon::{
     CompressInput, CompressMaterial, CompressProgress, CompressRequest, CompressResult, Compression,
-    DaemonError, OtherCurve,
+    DaemonError, OtherCurve, experiment_lines, transition_line,
 };
 use crate::export::{inp_read, msh, stl};
 use crate::geometry::TriangleMesh;
 use crate::session::Recording;
 use anyhow::{Context as _, Result, bail};
 use clap::Args;
+use std::fs::File;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
+
+/// The most that is read of an export or of another compression's result.
+const MOST_BYTES: u64 = 64 << 20;
 
 /// Options of `compress`.
 #[derive(Debug, Args)]
@@ -51,7 +56,9 @@ pub struct Arguments {
     /// Coulomb's friction between plates and grain.
     #[arg(long, value_name = "MU", default_value_t = CompressRequest::default().friction, allow_negative_numbers = true)]
     friction: f64,
-    /// Stop at this force, N; by default 10 N where no approach is given.
+    /// Stop at this force, N; by default, where no approach is given, at 10 N or four times --transition-n,
+    /// whichever is more. From four times on it counts as known that the force does not fall below the
+    /// transition again; δ_i of a run that stops earlier is preliminary.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     to_force_n: Option<f64>,
     /// Stop at this approach of the plates, mm.
@@ -126,14 +133,16 @@ pub(super) fn run(common: &Common, a: &Arguments) -> Result<()> {
     let mut compression = if let Some(folder) = &a.resume {
         Compression::resume(folder)?
     } else {
+        // Said before anything is read: a large surface alone takes seconds.
+        let meshing = super::progress::percent("");
+        let mut phase = String::new();
+        let mut tell = |now: &str, done: f64| set_up(&meshing, &mut phase, now, done);
+        tell("reading the body", 0.0);
         let (input, out) = input(common, a)?;
         let name = a.input.as_ref().map(|path| path.display().to_string());
         let request = request(a);
         let settings = request.settings().map_err(usage)?;
-        let meshing = super::progress::percent("meshing");
-        let made = Compression::begin(&out, input, &request.placing(), settings, &mut |d| {
-            meshing.set_position((100.0 * d) as u64);
-        });
+        let made = Compression::begin(&out, input, &request.placing(), settings, &mut tell);
         meshing.finish_and_clear();
         made.map_err(|e| named(e, name))?
     };
@@ -142,7 +151,7 @@ pub(super) fn run(common: &Common, a: &Arguments) -> Result<()> {
     if compression.done() > 0.0 {
         say(format!("going on from the checkpoint at {:.0} %", 100.0 * compression.done()));
     }
-    let mut said = 0u32;
+    let mut said = None;
     let result = compression.run(&others, &stop, &mut |p| show(&bar, &mut said, &p));
     bar.finish_and_clear();
     let result = result?;
@@ -166,8 +175,21 @@ fn named(error: DaemonError, name: Option<String>) -> anyhow::Error {
     if let (true, Some(name)) = (of_body, name) { error.context(name) } else { error }
 }
 
+/// What is done before the plates move: the bar, or where nobody sees one a line for each thing.
+fn set_up(bar: &indicatif::ProgressBar, phase: &mut String, now: &str, done: f64) {
+    if phase != now {
+        now.clone_into(phase);
+        if bar.is_hidden() {
+            say(now);
+        } else {
+            bar.set_message(now.to_owned());
+        }
+    }
+    bar.set_position((100.0 * done) as u64);
+}
+
 /// The bar, or where nobody sees one a line for each twentieth of the way.
-fn show(bar: &indicatif::ProgressBar, said: &mut u32, p: &CompressProgress) {
+fn show(bar: &indicatif::ProgressBar, said: &mut Option<u32>, p: &CompressProgress) {
     let s = p.sample;
     let left = p.left_s.map_or_else(String::new, |s| format!(", about {} s left", s.ceil()));
     let line =
@@ -176,8 +198,9 @@ fn show(bar: &indicatif::ProgressBar, said: &mut u32, p: &CompressProgress) {
     let twentieth = (20.0 * p.done) as u32;
     if !bar.is_hidden() {
         bar.set_message(line);
-    } else if twentieth > *said {
-        *said = twentieth;
+    } else if said.is_none_or(|said| twentieth > said) {
+        // The first sample as well: it shows that the plates move.
+        *said = Some(twentieth);
         say(format!("{:3.0} %: {line}", 100.0 * p.done));
     }
 }
@@ -259,9 +282,7 @@ fn surface(path: &Path, unit: Unit) -> Result<TriangleMesh> {
 /// The curves to be drawn beside: the laboratory's, and those of other compressions.
 fn others(a: &Arguments) -> Result<Vec<OtherCurve>> {
     let read = |path: &Path| -> Result<experiment::Experiment> {
-        let bytes =
-            std::fs::read(path).with_context(|| format!("cannot read {}; check the path", path.display()))?;
-        experiment::read(&bytes).with_context(|| path.display().to_string())
+        experiment::read(&bounded(path, "a Bluehill export")?).with_context(|| path.display().to_string())
     };
     let mut out = Vec::new();
     if let Some(path) = &a.experiment {
@@ -272,21 +293,41 @@ fn others(a: &Arguments) -> Result<Vec<OtherCurve>> {
             }
             (None, None) => Compliance::none(),
         };
-        let curve = read(path)?.curve(&compliance).with_context(|| path.display().to_string())?;
-        out.push(OtherCurve { name: "experiment".into(), points: curve, measured: true });
+        let (points, reading) =
+            read(path)?.read_off(&compliance, a.transition_n).with_context(|| path.display().to_string())?;
+        let measured = Some((path.display().to_string(), reading));
+        out.push(OtherCurve { name: "experiment".into(), points, measured });
     }
     for folder in &a.beside {
         let path = folder.join("result.json");
-        let bytes = std::fs::read(&path)
-            .with_context(|| format!("cannot read {}; check the path", path.display()))?;
+        let bytes = bounded(&path, "a result of a compression")?;
         let result: CompressResult = serde_json::from_slice(&bytes)
             .with_context(|| format!("{} is no result of a compression", path.display()))?;
         let plastic = result.settings.material.yield_mpa.is_some();
         let name = if plastic { "elastic-plastic" } else { "elastic" };
         let points: Vec<CurvePoint> = result.curve;
-        out.push(OtherCurve { name: name.into(), points, measured: false });
+        out.push(OtherCurve { name: name.into(), points, measured: None });
     }
     Ok(out)
+}
+
+/// The bytes of a file that holds so much at most: a sparse one may claim any length, and a device has no end.
+fn bounded(path: &Path, what: &str) -> Result<Vec<u8>> {
+    let reason = || format!("cannot read {}; check the path", path.display());
+    let file = File::open(path).with_context(reason)?;
+    let length = file.metadata().with_context(reason)?.len();
+    let mut bytes = Vec::new();
+    if length <= MOST_BYTES {
+        file.take(MOST_BYTES + 1).read_to_end(&mut bytes).with_context(reason)?;
+    }
+    if length > MOST_BYTES || bytes.len() as u64 > MOST_BYTES {
+        let size = if length > MOST_BYTES { format!("has {length} bytes") } else { "does not end".into() };
+        bail!(
+            "{} {size}: {what} has at most {MOST_BYTES} (a million rows); check the path, or export fewer rows",
+            path.display()
+        );
+    }
+    Ok(bytes)
 }
 
 /// What a person reads.
@@ -304,8 +345,11 @@ fn told(r: &CompressResult) -> String {
         ),
         format!("curve      {:.4} N at {:.3} µm of approach", last.force_n, 1e3 * last.approach_mm),
     ];
-    if let Some(d) = r.delta_i_mm {
-        lines.push(format!("δ_i        {:.3} µm at {} N", 1e3 * d, r.settings.transition_n));
+    match &r.transition {
+        Some(t) => lines.push(format!("δ_i        at {} N: {}", r.settings.transition_n, transition_line(t))),
+        None => {
+            lines.push(format!("δ_i        not known: the force does not pass {} N", r.settings.transition_n))
+        }
     }
     if let Some(h) = &r.hertz {
         lines.push(format!(
@@ -316,15 +360,25 @@ fn told(r: &CompressResult) -> String {
     if let Some(ratio) = r.over_two_plate_form {
         lines.push(format!("form       {ratio:.4} of the two-plate form at the end"));
     }
+    if r.settings.placed_deg != [0.0; 3] {
+        let [x, y, z] = r.settings.placed_deg;
+        lines.push(format!("placed     --rotate-deg {x:.4} {y:.4} {z:.4}"));
+    }
     let e = &r.energy;
     lines.push(format!(
-        "energy     plates' work {:.4e} N·mm, internal {:.4e}, kinetic {:.2e}; unaccounted {:.1e} of the work",
-        e.external, e.internal, e.kinetic, e.balance_error
+        "energy     plates' work {:.4e} N·mm, internal {:.4e}, kinetic {:.2e}; {}",
+        e.external,
+        e.internal,
+        e.kinetic,
+        e.balance_error.map_or_else(
+            || "before the contacts have formed".to_owned(),
+            |b| format!("unaccounted {b:.1e} of the work")
+        )
     ));
     if let Some(q) = &r.quasi_static {
         lines.push(format!(
-            "motion     at most {:.2} % of the internal energy, at {:.2} µm, since contacts had formed at {:.2} µm",
-            100.0 * q.largest,
+            "motion     at most {} of the internal energy, at {:.2} µm, since contacts had formed at {:.2} µm",
+            q.share(),
             1e3 * q.at_mm,
             1e3 * q.formed_mm
         ));
@@ -335,6 +389,10 @@ fn told(r: &CompressResult) -> String {
         r.contacts.iter().filter(|c| c.died_mm.is_none()).count(),
         r.rotation_deg
     ));
+    if let Some(e) = &r.experiment {
+        lines.extend(experiment_lines(e));
+        lines.extend(e.reading.notes.iter().map(|n| format!("note       experiment: {n}")));
+    }
     lines.push(format!("files      {}", r.files.join(", ")));
     lines.join("\n") + "\n"
 }

@@ -51,6 +51,7 @@ pub struct Body {
     element_limit_s: Vec<f64>,
     /// Mass that scaling added, t.
     added_t: f64,
+    scaled_to_s: Option<f64>,
 }
 
 impl Body {
@@ -116,6 +117,7 @@ impl Body {
             element_of,
             element_limit_s: limits,
             added_t: 0.0,
+            scaled_to_s: None,
         }
     }
 
@@ -167,6 +169,11 @@ impl Body {
         self.element_limit_s.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
+    /// The stable step, s, up to which elements of a smaller one were given mass; none where no mass was added.
+    pub fn scaled_to_s(&self) -> Option<f64> {
+        self.scaled_to_s
+    }
+
     /// Adds mass to the elements whose own stable step is the smallest, as much as `most` of the body's mass in all, so
     /// that their step is that of the others. Nodes only grow heavier, so forces at rest stay what they are.
     pub fn scale_mass(&mut self, most: f64) {
@@ -194,6 +201,7 @@ impl Body {
                 low = middle;
             }
         }
+        self.scaled_to_s = Some(low);
         for chunk in &self.chunks {
             for e in 0..chunk.count {
                 let quarter = 0.25 * extra(chunk.first + e, low);

@@ -40,8 +40,8 @@ pub use material::Material;
 pub use plates::{Plates, Reaction};
 pub use press::{Loading, Press, Sample};
 pub use readoff::{
-    Agreement, CurvePoint, HertzFit, QUASI_STATIC, QuasiStatic, agreement, fit_hertz, quasi_static,
-    transition_mm,
+    Agreement, CurvePoint, HertzFit, QUASI_STATIC, QuasiStatic, SETTLED, Transition, agreement, fit_hertz,
+    quasi_static, transition,
 };
 pub use section::section;
 pub use state::StateError;

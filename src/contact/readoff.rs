@@ -18,12 +18,62 @@ impl From<&Sample> for CurvePoint {
     }
 }
 
-/// The approach `δ_i` at which the force passes `force_n` for the last time on its way up, mm: Nadimi and Fonseca (2017) read
-/// the transition to a Hertzian response at 2 N. None where the force never gets there, or starts above.
-pub fn transition_mm(curve: &[CurvePoint], force_n: f64) -> Option<f64> {
-    let pair = curve.windows(2).rfind(|w| w[0].force_n < force_n && w[1].force_n >= force_n)?;
-    let part = (force_n - pair[0].force_n) / (pair[1].force_n - pair[0].force_n);
-    Some(pair[0].approach_mm + part * (pair[1].approach_mm - pair[0].approach_mm))
+/// The force must rise to so many times the transition's, without falling below that again, before a crossing counts as the last:
+/// a grain that topples does so while little holds it.
+pub const SETTLED: f64 = 4.0;
+
+/// Where a curve passes the transition's force on its way up.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Transition {
+    /// The approach `δ_i` at which it passes for the last time, mm: Nadimi and Fonseca (2017) read the transition to a Hertzian
+    /// response at 2 N.
+    pub delta_i_mm: f64,
+    /// The approach at which it passes for the first time, mm.
+    pub first_crossing_mm: f64,
+    /// The largest force since `delta_i_mm`, N.
+    pub reached_n: f64,
+    /// The force that had to be reached for it to be known that the crossing is the last one, N.
+    pub needed_n: f64,
+    /// Whether it was reached, and the force is not below the transition's at the end.
+    pub settled: bool,
+}
+
+impl Transition {
+    /// What a person should know of a δ_i that may not be the last.
+    pub fn warning(&self) -> Option<String> {
+        (!self.settled).then(|| {
+            format!(
+                "δ_i is preliminary: the force reached {:.2} N after {:.2} µm, and from {} N on it counts as known that it does not \
+                 fall below the transition again; press on to {} N",
+                self.reached_n,
+                1e3 * self.delta_i_mm,
+                self.needed_n,
+                self.needed_n
+            )
+        })
+    }
+}
+
+/// Where a curve passes `force_n`. None where the force never gets there, or starts above.
+pub fn transition(curve: &[CurvePoint], force_n: f64) -> Option<Transition> {
+    let up = |w: &&[CurvePoint]| w[0].force_n < force_n && w[1].force_n >= force_n;
+    let at = |w: &[CurvePoint]| {
+        let part = (force_n - w[0].force_n) / (w[1].force_n - w[0].force_n);
+        w[0].approach_mm + part * (w[1].approach_mm - w[0].approach_mm)
+    };
+    let first = curve.windows(2).find(up)?;
+    let last = curve.windows(2).rposition(|w| up(&w))?;
+    let after = &curve[last + 1..];
+    let reached_n = after.iter().map(|p| p.force_n).fold(0.0, f64::max);
+    let stays = after.iter().all(|p| p.force_n >= force_n);
+    let needed_n = SETTLED * force_n;
+    Some(Transition {
+        delta_i_mm: at(&curve[last..]),
+        first_crossing_mm: at(first),
+        reached_n,
+        needed_n,
+        settled: stays && reached_n >= needed_n,
+    })
 }
 
 /// Hertz' law fitted to a curve: F = 4/3 E* √R ((δ−δ₀)/2)^(3/2), a contact at each plate.
@@ -92,7 +142,8 @@ pub struct Agreement {
     pub points: usize,
 }
 
-/// Compares a computed curve with a measured one at the measured approaches both have. None where fewer than two are common.
+/// Compares a computed curve with a measured one at the measured approaches both have. None where fewer than two are
+/// common, or all are alike.
 pub fn agreement(computed: &[CurvePoint], measured: &[CurvePoint]) -> Option<Agreement> {
     let pairs: Vec<(f64, f64)> = measured
         .iter()
@@ -112,6 +163,10 @@ pub fn agreement(computed: &[CurvePoint], measured: &[CurvePoint]) -> Option<Agr
     let off: f64 = pairs.iter().map(|(c, m)| (c - m).powi(2)).sum();
     let spread: f64 = pairs.iter().map(|(_, m)| (m - mean).powi(2)).sum();
     let most = pairs.iter().map(|p| p.1.abs()).fold(0.0, f64::max);
+    // A record that is flat where both are has nothing to be compared with.
+    if spread <= 0.0 {
+        return None;
+    }
     let rms_n = (off / n).sqrt();
     Some(Agreement { rms_n, relative: rms_n / most, determination: 1.0 - off / spread, points: pairs.len() })
 }
@@ -123,7 +178,8 @@ pub struct QuasiStatic {
     /// tips and slides; it stores hardly any energy, whatever the speed, with which its motion could be compared.
     #[serde(default)]
     pub formed_mm: f64,
-    /// The largest kinetic over internal energy at the end of a stretch since.
+    /// The largest kinetic over internal energy at the end of a stretch since; 10 stands for anything above, where hardly any
+    /// energy is stored.
     pub largest: f64,
     /// The approach at which it was so, mm.
     pub at_mm: f64,
@@ -141,32 +197,47 @@ pub struct QuasiStatic {
 pub const QUASI_STATIC: f64 = 0.05;
 /// A contact has formed when both plates carry this share of the largest force.
 const FORMED: f64 = 0.02;
+/// Motion over stored energy is told up to here; beyond, hardly anything is stored and the figure says nothing but that.
+const MOST_MOTION: f64 = 10.0;
 
 impl QuasiStatic {
+    /// The largest share of motion as a person reads it.
+    pub fn share(&self) -> String {
+        if self.largest < MOST_MOTION {
+            format!("{:.1} %", 100.0 * self.largest)
+        } else {
+            "more than ten times it".into()
+        }
+    }
+
     /// What a person should know where the motion was above 5 %: where, at which forces, and what helps.
     pub fn warning(&self) -> Option<String> {
         let [from_mm, to_mm] = self.above_mm?;
         Some(format!(
             "not quasi-static between {:.2} and {:.2} µm of approach, at up to {:.3} N: after the first contact had formed (at \
-             {:.2} µm) the kinetic energy was above 5 % of the internal one over {:.1} % of the approach, and reached {:.1} % at \
-             {:.2} µm; use a lower --speed",
+             {:.2} µm) the kinetic energy was above 5 % of the internal one over {:.1} % of the approach, and reached {} at {:.2} \
+             µm; use a lower --speed",
             1e3 * from_mm,
             1e3 * to_mm,
             self.above_n,
             1e3 * self.formed_mm,
             100.0 * self.above_limit,
-            100.0 * self.largest,
+            self.share(),
             1e3 * self.at_mm
         ))
     }
 }
 
-/// How much of the energy was motion after the first contact had formed between both plates; none where it has not yet.
-pub fn quasi_static(samples: &[Sample]) -> Option<QuasiStatic> {
-    let largest_n = samples.iter().map(|s| s.force_n).fold(0.0, f64::max);
-    let formed = |s: &Sample| s.lower_n[2].min(-s.upper_n[2]) >= FORMED * largest_n && largest_n > 0.0;
+/// How much of the energy was motion after the first contact had formed between both plates; none where it has not yet: where
+/// both have carried 2 % of the largest force, and of `of_n` at least.
+pub fn quasi_static(samples: &[Sample], of_n: f64) -> Option<QuasiStatic> {
+    let largest_n = samples.iter().map(|s| s.force_n).fold(of_n, f64::max);
+    let formed = |s: &Sample| s.lower_n[2].min(-s.upper_n[2]) >= FORMED * largest_n;
     let after = &samples[samples.iter().position(formed)?..];
-    let of = |s: &Sample| s.energy.kinetic / s.energy.internal();
+    let of = |s: &Sample| {
+        let (motion, stored) = (s.energy.kinetic, s.energy.internal());
+        if motion < MOST_MOTION * stored { motion / stored } else { MOST_MOTION }
+    };
     let worst = after.iter().max_by(|a, b| of(a).total_cmp(&of(b)))?;
     let (mut above, mut all) = (0.0, 0.0);
     for w in after.windows(2) {
@@ -206,7 +277,7 @@ mod tests {
     #[test]
     fn a_hertzian_curve_gives_back_its_radius_modulus_and_origin() {
         let curve = hertzian(0.004, 0.3);
-        let from = transition_mm(&curve, 2.0).unwrap();
+        let from = transition(&curve, 2.0).unwrap().delta_i_mm;
         let fit = fit_hertz(&curve, from, &Material::default(), 0.6).unwrap();
         assert!((fit.origin_mm - 0.004).abs() < 1e-9 && (fit.radius_mm - 0.3).abs() < 1e-6, "{fit:?}");
         assert!((fit.contact_modulus_mpa / Material::default().contact_modulus_mpa() - 1.0).abs() < 1e-6);
@@ -218,10 +289,21 @@ mod tests {
         let at = |points: &[[f64; 2]]| {
             let c: Vec<CurvePoint> =
                 points.iter().map(|p| CurvePoint { approach_mm: p[0], force_n: p[1] }).collect();
-            transition_mm(&c, 2.0)
+            transition(&c, 2.0)
         };
         // LBS3 of the paper falls back after a first contact.
-        assert_eq!(at(&[[0.0, 0.0], [0.02, 3.0], [0.03, 0.5], [0.05, 4.5]]), Some(0.03 + 0.02 * 1.5 / 4.0));
+        let fell = at(&[[0.0, 0.0], [0.02, 3.0], [0.03, 0.5], [0.05, 4.5]]).unwrap();
+        assert!((fell.delta_i_mm - (0.03 + 0.02 * 1.5 / 4.0)).abs() < 1e-15, "{fell:?}");
+        assert!((fell.first_crossing_mm - 0.02 * 2.0 / 3.0).abs() < 1e-15, "{fell:?}");
+        // At 4.5 N nobody knows whether it falls again; at four times the transition's force it counts as known.
+        assert!(!fell.settled && fell.warning().unwrap().contains("preliminary"), "{fell:?}");
+        let known = at(&[[0.0, 0.0], [0.02, 3.0], [0.03, 0.5], [0.05, 4.5], [0.06, 8.0]]).unwrap();
+        assert!(
+            known.settled && known.warning().is_none() && known.delta_i_mm == fell.delta_i_mm,
+            "{known:?}"
+        );
+        let lost = at(&[[0.0, 0.0], [0.02, 9.0], [0.03, 0.5]]).unwrap();
+        assert!(!lost.settled, "{lost:?}");
         assert_eq!(at(&[[0.0, 0.0], [0.1, 1.9]]), None);
         assert_eq!(at(&[]), None);
     }
@@ -248,17 +330,17 @@ mod tests {
             sample(3.0, 0.3, 0.04),
             sample(5.0, 10.0, 0.01),
         ];
-        let calm = quasi_static(&samples).unwrap();
+        let calm = quasi_static(&samples, 2.0).unwrap();
         assert!((calm.formed_mm - 0.003).abs() < 1e-12 && (calm.largest - 0.04).abs() < 1e-12, "{calm:?}");
         assert_eq!((calm.above_mm, calm.warning()), (None, None));
         samples.insert(3, sample(4.0, 0.1, 0.2));
-        let slipped = quasi_static(&samples).unwrap();
+        let slipped = quasi_static(&samples, 2.0).unwrap();
         assert_eq!((slipped.above_mm, slipped.above_limit), (Some([0.004, 0.004]), 0.5));
         let said = slipped.warning().unwrap();
         for part in ["4.00 and 4.00 µm", "0.100 N", "3.00 µm", "50.0 %", "20.0 %", "--speed"] {
             assert!(said.contains(part), "{said}");
         }
-        assert_eq!(quasi_static(&[]), None);
+        assert_eq!(quasi_static(&[], 2.0), None);
     }
 
     #[test]

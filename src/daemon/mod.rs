@@ -17,7 +17,7 @@ mod scaling;
 pub use compressing::{
     Claim, CompressDetails, CompressError, CompressFile, CompressHost, CompressInput, CompressLine,
     CompressMaterial, CompressProgress, CompressRequest, CompressResult, CompressSettings, CompressState,
-    Compression, EnergyResult, OtherCurve, Placing,
+    Compression, EnergyResult, ExperimentResult, OtherCurve, Placing, experiment_lines, transition_line,
 };
 pub use devices::{DeviceLine, devices};
 pub use doctor::{Finding, Health, doctor};

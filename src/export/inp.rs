@@ -191,14 +191,22 @@ fn faces(out: &mut impl Write, name: &str, faces: impl Iterator<Item = (u32, u8)
     Ok(())
 }
 
-/// A comment of as many lines as it needs.
+/// A comment of as many lines as it needs, broken between words: a number in two parts reads as another.
 fn comment(out: &mut impl Write, text: &str) -> std::io::Result<()> {
     let clean: Vec<char> =
         text.chars().map(|c| if c == ' ' || c.is_ascii_graphic() { c } else { '?' }).collect();
-    for part in clean.chunks(LINE - 3) {
-        writeln!(out, "** {}", part.iter().collect::<String>().trim_end())?;
+    let mut rest = &clean[..];
+    loop {
+        let most = rest.len().min(LINE - 3);
+        // A word longer than a line is cut.
+        let space = || rest[..most].iter().rposition(|c| *c == ' ').filter(|at| *at > 0);
+        let end = if most < rest.len() && rest[most] != ' ' { space().unwrap_or(most) } else { most };
+        writeln!(out, "** {}", rest[..end].iter().collect::<String>().trim())?;
+        rest = &rest[end..];
+        if rest.iter().all(|c| *c == ' ') {
+            return Ok(());
+        }
     }
-    Ok(())
 }
 
 #[cfg(test)]
@@ -271,6 +279,19 @@ A grain, 5 nodes, 2 elements; units mm, N, MPa, tonne, s
         assert!(deck.is_ascii() && deck.lines().all(|l| l.len() <= 80));
         assert!(!deck.lines().any(|l| l.starts_with("*STEP") || l.starts_with("*END")));
         assert!(deck.contains("** *STEP?*END STEP\n"));
+    }
+
+    #[test]
+    fn a_number_stays_in_one_line() {
+        for shift in 0..40 {
+            let line = format!(
+                "{} approach 0.004360714 mm, half by each plate; {}",
+                "x".repeat(40 + shift),
+                "y".repeat(90)
+            );
+            let deck = text(&[line], 0.1);
+            assert!(deck.contains("0.004360714") && deck.lines().all(|l| l.len() <= 80), "{deck}");
+        }
     }
 
     #[test]

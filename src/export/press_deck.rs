@@ -13,6 +13,14 @@ const SIDE: f64 = 3.0;
 const STIFFNESS: f64 = 2000.0;
 /// Springs that hold what nothing else holds before the plates do, N/mm over E·H.
 const SPRING: f64 = 1e-6;
+/// The same with friction: a grain on one or two points swings between sticking and slipping, and no iteration ends. Three of
+/// 1e-4 E·H take a few thousandths of the force.
+const SPRING_STUCK: f64 = 1e-4;
+/// Slope of friction against the slip, over the contact's stiffness.
+const STICK: f64 = 0.01;
+/// What counts as a force when residuals are judged, N over E·H²: a hundredth of what decks are usually pressed to. Before the
+/// plates carry anything `CalculiX` would compare residuals with nothing.
+const FLUX: f64 = 1e-6;
 
 /// What a deck says.
 #[derive(Debug, Clone, Copy)]
@@ -29,6 +37,10 @@ pub struct Deck<'a> {
     pub approach_mm: f64,
     /// How long an explicit step takes, s.
     pub seconds: f64,
+    /// Mass-proportional damping, 1/s.
+    pub damping_per_s: f64,
+    /// The stable step, s, up to which elements of a smaller one are given mass; none for no mass scaling.
+    pub scaled_to_s: Option<f64>,
     /// Equal parts of the approach at which reactions are written.
     pub steps: usize,
     /// Where the mesh is from.
@@ -40,19 +52,24 @@ impl Deck<'_> {
         self.plates_mm[1] - self.plates_mm[0]
     }
 
-    fn provenance(&self) -> Vec<String> {
-        vec![format!(
-            "{} between rigid plates; approach {} mm, half by each plate",
-            self.source, self.approach_mm
-        )]
+    fn provenance(&self, run: &str) -> Vec<String> {
+        vec![
+            format!("{} between rigid plates", self.source),
+            format!("approach {:.9} mm, half by each plate", self.approach_mm),
+            run.into(),
+        ]
     }
 
-    fn materials(&self, out: &mut impl Write) -> std::io::Result<()> {
+    /// `damped`: with the damping of the explicit computation.
+    fn materials(&self, damped: bool, out: &mut impl Write) -> std::io::Result<()> {
         let m = self.material;
         writeln!(out, "*MATERIAL, NAME=GRAIN_MATERIAL\n*DENSITY\n{:e}", m.density_t_mm3)?;
         writeln!(out, "*ELASTIC\n{}, {}", m.young_mpa, m.poisson)?;
         if let Some(y) = m.yield_mpa {
             writeln!(out, "*PLASTIC\n{y}, 0.\n{}, 1.", y + m.hardening_mpa)?;
+        }
+        if damped && self.damping_per_s > 0.0 {
+            writeln!(out, "*DAMPING, ALPHA={:.6e}", self.damping_per_s)?;
         }
         writeln!(out, "*SOLID SECTION, ELSET=GRAIN, MATERIAL=GRAIN_MATERIAL")
     }
@@ -71,7 +88,9 @@ impl Deck<'_> {
     /// # Errors
     /// [`ExportError`]: as for the mesh alone.
     pub fn abaqus(&self, mut out: impl Write) -> Result<(), ExportError> {
-        inp::write(self.mesh, &self.provenance(), BAND * self.height(), &mut out)?;
+        // Hundreds of thousands of steps, each of which moves a node by some 1e-9 of the grain: single precision loses that.
+        let run = "run in double precision: abaqus job=NAME input=abaqus.inp double=both";
+        inp::write(self.mesh, &self.provenance(run), BAND * self.height(), &mut out)?;
         let first = self.mesh.nodes.len() + 1;
         let element = self.mesh.tets.len() + 1;
         for (i, (name, z)) in
@@ -92,14 +111,18 @@ impl Deck<'_> {
             writeln!(out, "*RIGID BODY, ELSET={name}_PLATE, REF NODE={}", at + 4)?;
             writeln!(out, "*SURFACE, NAME={name}_FACE\n{name}_PLATE, SPOS")?;
         }
-        self.materials(&mut out)?;
+        self.materials(true, &mut out)?;
         writeln!(out, "*SURFACE INTERACTION, NAME=HARD\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD")?;
         if self.friction > 0.0 {
             writeln!(out, "*FRICTION\n{}", self.friction)?;
         }
-        writeln!(out, "*AMPLITUDE, NAME=SMOOTH, DEFINITION=SMOOTH STEP\n0., 0., {:e}, 1.", self.seconds)?;
-        writeln!(out, "*STEP, NAME=COMPRESS, NLGEOM=YES\n*DYNAMIC, EXPLICIT\n, {:e}", self.seconds)?;
+        writeln!(out, "*AMPLITUDE, NAME=SMOOTH, DEFINITION=SMOOTH STEP\n0., 0., {:.9e}, 1.", self.seconds)?;
+        writeln!(out, "*STEP, NAME=COMPRESS, NLGEOM=YES\n*DYNAMIC, EXPLICIT\n, {:.9e}", self.seconds)?;
         writeln!(out, "*BULK VISCOSITY\n0.06, 1.2")?;
+        if let Some(step_s) = self.scaled_to_s {
+            // The elements that are given mass here are given it there, up to how either program reckons an element's step.
+            writeln!(out, "*FIXED MASS SCALING, ELSET=GRAIN, TYPE=BELOW MIN, DT={step_s:.6e}")?;
+        }
         let by = 0.5 * self.approach_mm;
         writeln!(out, "*BOUNDARY, AMPLITUDE=SMOOTH")?;
         for (name, by) in [("LOWER", by), ("UPPER", -by)] {
@@ -109,32 +132,38 @@ impl Deck<'_> {
         for name in ["LOWER", "UPPER"] {
             writeln!(out, "{name}_REFERENCE, 1, 2\n{name}_REFERENCE, 4, 6")?;
         }
-        for (grain, plate) in [("BOTTOM_SURFACE", "LOWER_FACE"), ("TOP_SURFACE", "UPPER_FACE")] {
+        for (name, grain) in [("LOWER", "BOTTOM_SURFACE"), ("UPPER", "TOP_SURFACE")] {
+            // A keyword that ends with a comma goes on in the next line.
             writeln!(
                 out,
-                "*CONTACT PAIR, INTERACTION=HARD, MECHANICAL CONSTRAINT=KINEMATIC\n{grain}, {plate}"
+                "*CONTACT PAIR, INTERACTION=HARD, CPSET={name}_CONTACT,\nMECHANICAL CONSTRAINT=KINEMATIC\n{grain}, {name}_FACE"
             )?;
         }
         writeln!(out, "*OUTPUT, FIELD, NUMBER INTERVAL={}", self.steps)?;
         writeln!(out, "*NODE OUTPUT\nU\n*ELEMENT OUTPUT, ELSET=GRAIN\nS, PEEQ")?;
-        writeln!(out, "*OUTPUT, HISTORY, TIME INTERVAL={:e}", self.seconds / 200.0)?;
+        writeln!(out, "*CONTACT OUTPUT\nCSTRESS, CFORCE")?;
+        writeln!(out, "*OUTPUT, HISTORY, TIME INTERVAL={:.6e}", self.seconds / 200.0)?;
         for name in ["LOWER", "UPPER"] {
             writeln!(out, "*NODE OUTPUT, NSET={name}_REFERENCE\nU3, RF3")?;
+            // The resultant of the pressure, and the area that carries it.
+            writeln!(out, "*CONTACT OUTPUT, CPSET={name}_CONTACT\nCFN, CAREA")?;
         }
         writeln!(out, "*ENERGY OUTPUT\nALLKE, ALLIE, ALLWK, ALLPD, ETOTAL\n*END STEP")?;
         Ok(out.flush()?)
     }
 
     /// The deck for `CalculiX`: a static analysis with plates of one held brick each. Strains are small ones, because with
-    /// `NLGEOM` `CalculiX` takes the law of St. Venant and Kirchhoff, which softens under a contact; nodes meet the plates, as
-    /// they do in [`crate::contact`]. Reactions of `LOWER_PLATE_NODES` and
+    /// `NLGEOM` `CalculiX` takes the law of St. Venant and Kirchhoff, which softens under a contact. Without friction nodes meet the
+    /// plates, as they do in [`crate::contact`]. With friction that does not converge; then facets meet them, at the points inside
+    /// at which they are integrated, so that a round contact begins later by about what a facet sags: its size squared over 8 R.
+    /// Reactions of `LOWER_PLATE_NODES` and
     /// `UPPER_PLATE_NODES` come out in the `.dat` file.
     ///
     /// # Errors
     /// [`ExportError`]: as for the mesh alone.
     pub fn calculix(&self, mut out: impl Write) -> Result<(), ExportError> {
         let height = self.height();
-        inp::write(self.mesh, &self.provenance(), BAND * height, &mut out)?;
+        inp::write(self.mesh, &self.provenance("run: ccx -i calculix"), BAND * height, &mut out)?;
         let first = self.mesh.nodes.len() + 1;
         let element = self.mesh.tets.len() + 1;
         let thick = 0.5 * height;
@@ -156,22 +185,29 @@ impl Deck<'_> {
             )?;
         }
         self.springs(&mut out, element + 2)?;
-        self.materials(&mut out)?;
+        self.materials(false, &mut out)?;
         writeln!(out, "*MATERIAL, NAME=PLATE_MATERIAL\n*ELASTIC\n{}, 0.", self.material.young_mpa)?;
         for name in ["LOWER", "UPPER"] {
             writeln!(out, "*SOLID SECTION, ELSET={name}_PLATE, MATERIAL=PLATE_MATERIAL")?;
         }
         writeln!(out, "*SURFACE INTERACTION, NAME=HARD\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR")?;
-        writeln!(out, "{:e}", STIFFNESS * self.material.young_mpa / height)?;
+        writeln!(out, "{:.6e}", STIFFNESS * self.material.young_mpa / height)?;
         if self.friction > 0.0 {
-            let stick = 0.1 * STIFFNESS * self.material.young_mpa / height;
-            writeln!(out, "*FRICTION\n{}, {stick:e}", self.friction)?;
+            let stick = STICK * STIFFNESS * self.material.young_mpa / height;
+            writeln!(out, "*FRICTION\n{}, {stick:.6e}", self.friction)?;
         }
         for (grain, plate) in [("BOTTOM_SURFACE", "LOWER_FACE"), ("TOP_SURFACE", "UPPER_FACE")] {
-            writeln!(out, "*CONTACT PAIR, INTERACTION=HARD, TYPE=NODE TO SURFACE\n{grain}, {plate}")?;
+            let kind = if self.friction > 0.0 { "SURFACE TO SURFACE" } else { "NODE TO SURFACE" };
+            writeln!(out, "*CONTACT PAIR, INTERACTION=HARD, TYPE={kind}\n{grain}, {plate}")?;
         }
         let part = 1.0 / self.steps.max(1) as f64;
         writeln!(out, "*STEP, INC=1000\n*STATIC\n{part}, 1., 1e-6, {part}")?;
+        if self.friction > 0.0 {
+            // Residuals are held against a force of the size that matters, corrections against a whole increment: while the
+            // grain hangs on a point it may shift by more than a hundredth of one without any force.
+            let flux = FLUX * self.material.young_mpa * height * height;
+            writeln!(out, "*CONTROLS, PARAMETERS=FIELD\n0.005, 1., 0.01, {flux:.3e}, 0.02, 1e-5, 1., 1e-8")?;
+        }
         writeln!(out, "*BOUNDARY")?;
         for (name, by) in [("LOWER", 0.5 * self.approach_mm), ("UPPER", -0.5 * self.approach_mm)] {
             writeln!(out, "{name}_PLATE_NODES, 1, 2\n{name}_PLATE_NODES, 3, 3, {by:.9e}")?;
@@ -191,6 +227,7 @@ impl Deck<'_> {
         };
         let mut nodes = vec![far(|p| p.x), far(|p| -p.x), far(|p| p.y)];
         nodes.dedup();
+        let stiffness = if self.friction > 0.0 { SPRING_STUCK } else { SPRING };
         let mut next = element;
         for axis in 1..=3 {
             writeln!(out, "*ELEMENT, TYPE=SPRING1, ELSET=SPRING_{axis}")?;
@@ -200,8 +237,8 @@ impl Deck<'_> {
             }
             writeln!(
                 out,
-                "*SPRING, ELSET=SPRING_{axis}\n{axis}\n{:e}",
-                SPRING * self.material.young_mpa * self.height()
+                "*SPRING, ELSET=SPRING_{axis}\n{axis}\n{:.6e}",
+                stiffness * self.material.young_mpa * self.height()
             )?;
         }
         Ok(())

@@ -3,12 +3,14 @@
 use super::ExportError;
 use std::io::Write;
 
-/// Writes a collection of files, each with what stands for its time.
+/// Writes a collection of files, each with what stands for its time; `time` says what that is, and its unit.
 ///
 /// # Errors
 /// [`ExportError::Io`].
-pub fn write(grids: &[(f64, String)], mut out: impl Write) -> Result<(), ExportError> {
+pub fn write(grids: &[(f64, String)], time: &str, mut out: impl Write) -> Result<(), ExportError> {
     writeln!(out, "<?xml version=\"1.0\"?>")?;
+    // Two hyphens would end a comment.
+    writeln!(out, "<!-- timestep: {} -->", time.replace("--", "- -"))?;
     writeln!(out, "<VTKFile type=\"Collection\" version=\"1.0\" byte_order=\"LittleEndian\">\n<Collection>")?;
     for (time, file) in grids {
         let file = file.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;");

@@ -10,10 +10,13 @@ use std::io::Write;
 const VTK_TETRA: u8 = 10;
 /// The same for one of ten nodes, which it numbers as [`SecondOrder`] does.
 const VTK_QUADRATIC_TETRA: u8 = 24;
+/// The components of a symmetric tensor, as VTK orders them.
+const TENSOR: [&str; 6] = ["XX", "YY", "ZZ", "XY", "YZ", "XZ"];
 /// Bytes of the length before an array's own (`header_type` of `UInt64`).
 const LENGTH: usize = 8;
 
-/// A figure for each node or each cell, of one component or three.
+/// A figure for each node or each cell: of one component, a vector of three, or a symmetric tensor of six (xx, yy, zz, xy, yz,
+/// xz, which is VTK's order).
 #[derive(Debug, Clone, Copy)]
 pub struct Column<'a> {
     /// Its name, with its unit, for instance `stress_zz_mpa`.
@@ -36,6 +39,20 @@ pub fn write(
     out: impl Write,
 ) -> Result<(), ExportError> {
     grid((&mesh.nodes, &mesh.tets, VTK_TETRA), &[], on_nodes, on_cells, out)
+}
+
+/// The same, with lines that say what it is as a comment.
+///
+/// # Errors
+/// As [`write`].
+pub fn write_told(
+    mesh: &TetMesh,
+    told: &[String],
+    on_nodes: &[Column],
+    on_cells: &[Column],
+    out: impl Write,
+) -> Result<(), ExportError> {
+    grid((&mesh.nodes, &mesh.tets, VTK_TETRA), told, on_nodes, on_cells, out)
 }
 
 /// Writes a mesh alone, with lines that say where it comes from as a comment.
@@ -120,9 +137,14 @@ fn array(
     bytes: impl Iterator<Item = u8>,
 ) -> std::io::Result<()> {
     let name = name.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;");
+    let names: String = if components == TENSOR.len() {
+        TENSOR.iter().enumerate().map(|(k, n)| format!(" ComponentName{k}=\"{n}\"")).collect()
+    } else {
+        String::new()
+    };
     writeln!(
         out,
-        "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{components}\" format=\"binary\">"
+        "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{components}\"{names} format=\"binary\">"
     )?;
     let mut all = vec![0; LENGTH];
     all.extend(bytes);

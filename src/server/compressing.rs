@@ -78,6 +78,9 @@ pub struct CompressionStatus {
     /// `meshing`, `running`, `complete`, `cancelled`, `interrupted` or `failed`.
     #[schema(value_type = String)]
     pub state: CompressionState,
+    /// What is being done before the plates move, in words; absent afterwards.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub phase: Option<String>,
     /// How much of the way to the end, or of the meshing, is done, 0 to 1.
     pub done: f64,
     /// About how much longer, seconds; `null` before it can be told.
@@ -104,6 +107,7 @@ impl CompressionStatus {
             session: news.session.clone(),
             name: news.name.clone(),
             state: news.state,
+            phase: news.phase.clone(),
             done: news.done,
             left_s: news.left_s,
             contacts: news.contacts,

@@ -88,6 +88,9 @@ pub struct CompressionNews {
     pub name: String,
     /// How it stands.
     pub state: CompressionState,
+    /// What is being done before the plates move, in words.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub phase: Option<String>,
     /// How much of the way to the end, or of the meshing, is done, 0 to 1.
     pub done: f64,
     /// About how much longer, s; `None` before it can be told.

@@ -78,8 +78,21 @@ fn a_sphere_gives_its_curve_its_files_and_its_figures() {
     ] {
         assert!(folder.path().join("s").join(name).metadata().unwrap().len() > 100, "{name}");
     }
+    let of = &r["experiment"];
+    assert!((of["delta_i_mm"].as_f64().unwrap() - (2.0f64 / 3.2e4).powf(2.0 / 3.0)).abs() < 3e-4, "{of}");
+    assert_eq!(of["delta_i_mm"], of["first_crossing_mm"]);
+    assert!(of["zero_n"].as_f64().unwrap().abs() < 0.05 && of["contact_n"].as_f64().unwrap() > 0.0, "{of}");
+    assert!(
+        of["agreement"]["rms_n"].is_number() && of["end"] == "record_ends" && of["notes"].is_array(),
+        "{of}"
+    );
     let svg = std::fs::read_to_string(folder.path().join("s/curve.svg")).unwrap();
-    assert!(svg.contains("experiment") && svg.contains("two plates") && svg.contains("determination"));
+    assert!(
+        svg.contains("experiment: zero")
+            && svg.contains("experiment")
+            && svg.contains("two plates")
+            && svg.contains("determination")
+    );
     let pvd = std::fs::read_to_string(folder.path().join("s/stages.pvd")).unwrap();
     assert_eq!(pvd.matches("<DataSet").count(), 8);
     let again = refused(grainrig(&folder).args(SPHERE).args(["--out", "s"]));
@@ -165,6 +178,8 @@ fn what_cannot_be_compressed_is_refused_with_what_to_do() {
     let folder = TempDir::new().unwrap();
     bad_bodies(folder.path());
     std::fs::write(folder.path().join("no.stl"), b"this is no mesh").unwrap();
+    // A gigabyte of nothing, which takes no place on the disk.
+    std::fs::File::create(folder.path().join("sparse.csv")).unwrap().set_len(1 << 30).unwrap();
     std::fs::write(folder.path().join("odd.csv"), "Zeit,Weg\n(s),(mm)\n1,2\n3,4\n").unwrap();
     let ball = "--sphere-diameter-mm";
     for (args, code, needed) in [
@@ -221,6 +236,16 @@ fn what_cannot_be_compressed_is_refused_with_what_to_do() {
         (vec!["missing.stl"], 1, "cannot read"),
         (vec!["odd.csv"], 2, "odd.csv: a body is read from .stl, .inp or .msh; `grainrig mesh` makes one"),
         (vec![ball, "0.8", "--experiment", "odd.csv"], 1, "Zeit,Weg"),
+        (
+            vec![ball, "0.8", "--experiment", "sparse.csv"],
+            1,
+            "sparse.csv has 1073741824 bytes: a Bluehill export has at most",
+        ),
+        (
+            vec![ball, "0.8", "--experiment", "/dev/zero"],
+            1,
+            "/dev/zero does not end: a Bluehill export has at most",
+        ),
         (vec!["--resume", "nowhere"], 1, "no compression to go on with"),
         (vec![], 2, "required"),
     ] {
@@ -243,8 +268,9 @@ fn the_laboratorys_real_exports_are_read() {
         ("tensile_preamble_2.csv", None, 400),
     ] {
         let test = read(&std::fs::read(folder.join(name)).unwrap()).unwrap();
-        let curve = test.curve(&Compliance::none()).unwrap();
-        let last = curve.last().unwrap();
+        let (curve, _) = test.read_off(&Compliance::none(), 2.0).unwrap();
+        // Nothing is cut by a share of the largest force: a bar that necks is read to its end.
+        let last = curve.iter().max_by(|a, b| a.force_n.total_cmp(&b.force_n)).unwrap();
         assert!(
             test.force_n.len() > 50 && curve.len() <= rows && curve.len() >= 5,
             "{name}: {} of {}",

@@ -5,7 +5,7 @@ use std::process::Command;
 use tempfile::TempDir;
 
 /// Keywords that the deck may have, each with the parameters that Abaqus/Explicit knows there (of those that are written).
-const KEYWORDS: [(&str, &[&str]); 24] = [
+const KEYWORDS: [(&str, &[&str]); 27] = [
     ("HEADING", &[]),
     ("NODE", &["NSET"]),
     ("ELEMENT", &["TYPE", "ELSET"]),
@@ -26,7 +26,10 @@ const KEYWORDS: [(&str, &[&str]); 24] = [
     ("DYNAMIC", &["EXPLICIT"]),
     ("BULK VISCOSITY", &[]),
     ("BOUNDARY", &["AMPLITUDE"]),
-    ("CONTACT PAIR", &["INTERACTION", "MECHANICAL CONSTRAINT"]),
+    ("CONTACT PAIR", &["INTERACTION", "CPSET", "MECHANICAL CONSTRAINT"]),
+    ("CONTACT OUTPUT", &["CPSET"]),
+    ("DAMPING", &["ALPHA"]),
+    ("FIXED MASS SCALING", &["ELSET", "TYPE", "DT"]),
     ("OUTPUT", &["FIELD", "HISTORY", "NUMBER INTERVAL", "TIME INTERVAL"]),
     ("NODE OUTPUT", &["NSET"]),
     ("ELEMENT OUTPUT", &["ELSET"]),
@@ -56,8 +59,17 @@ impl Block {
 
 fn read(text: &str) -> Vec<Block> {
     let mut blocks: Vec<Block> = Vec::new();
-    for line in text.lines() {
-        assert!(line.is_ascii() && line.len() <= 80 && !line.is_empty(), "{line}");
+    let mut begun = String::new();
+    for part in text.lines() {
+        assert!(part.len() <= 80, "{part}");
+        // A keyword that ends with a comma goes on in the next line.
+        begun.push_str(part);
+        if begun.starts_with('*') && !begun.starts_with("**") && begun.ends_with(',') {
+            continue;
+        }
+        let line = std::mem::take(&mut begun);
+        let line = line.as_str();
+        assert!(line.is_ascii() && !line.is_empty(), "{line}");
         if line.starts_with("**") {
             continue;
         }
@@ -164,7 +176,8 @@ fn the_abaqus_deck_is_a_whole_explicit_model() {
         (&["--friction", "0"][..], None, None),
         (&["--material", "plastic", "--yield-mpa", "150", "--friction", "0.3"][..], Some(150.0), Some(0.3)),
     ] {
-        let blocks = read(&deck(args));
+        let text = deck(args);
+        let blocks = read(&text);
         let all = |name: &str| blocks.iter().filter(|b| b.name == name).collect::<Vec<_>>();
         let one = |name: &str| {
             assert_eq!(all(name).len(), 1, "{name}");
@@ -230,7 +243,15 @@ fn the_abaqus_deck_is_a_whole_explicit_model() {
         let (begin, end) = (place("STEP"), place("END STEP"));
         assert!(end + 1 == blocks.len() && one("STEP").get("NLGEOM") == "YES");
         for (i, b) in blocks.iter().enumerate() {
-            let history = ["DYNAMIC", "BULK VISCOSITY", "BOUNDARY", "CONTACT PAIR", "OUTPUT", "NODE OUTPUT"];
+            let history = [
+                "FIXED MASS SCALING",
+                "DYNAMIC",
+                "BULK VISCOSITY",
+                "BOUNDARY",
+                "CONTACT PAIR",
+                "OUTPUT",
+                "NODE OUTPUT",
+            ];
             assert_eq!(
                 (begin + 1..end).contains(&i),
                 history.contains(&b.name.as_str()) || b.name.ends_with(" OUTPUT")
@@ -262,6 +283,23 @@ fn the_abaqus_deck_is_a_whole_explicit_model() {
             .iter()
             .flat_map(|n| [1, 2, 4, 5, 6].map(|k| ((*n).to_owned(), k)));
         assert_eq!(held, wanted.collect());
+        // What is computed here is computed there: damping, mass scaling, and contact to be looked at.
+        assert!(one("DAMPING").get("ALPHA").parse::<f64>().unwrap() > 1e4);
+        let scaled = one("FIXED MASS SCALING");
+        assert_eq!((scaled.get("ELSET"), scaled.get("TYPE")), ("GRAIN", "BELOW MIN"));
+        assert!((1e-10..1e-7).contains(&scaled.get("DT").parse::<f64>().unwrap()));
+        let contact = all("CONTACT OUTPUT");
+        assert_eq!(contact[0].data[0], ["CSTRESS", "CFORCE"]);
+        for (output, pair) in contact[1..].iter().zip(&pairs) {
+            assert_eq!(output.get("CPSET"), pair.get("CPSET"));
+            assert_eq!(output.data[0], ["CFN", "CAREA"]);
+        }
+        assert_eq!(contact.len(), 3);
+        let said = text.lines().filter_map(|l| l.strip_prefix("** ")).collect::<Vec<_>>();
+        assert!(
+            said.iter().any(|l| l.contains("double=both")) && said.iter().any(|l| l.contains("mm, half by")),
+            "{said:?}"
+        );
         for b in all("NODE OUTPUT").iter().filter(|b| b.parameters.contains_key("NSET")) {
             assert!(m.node_sets.contains_key(b.get("NSET")));
         }

@@ -11,7 +11,7 @@ use tempfile::TempDir;
 const LONGEST_MM: f64 = 1.0;
 
 /// Binary STL of a real grain, scaled.
-fn grain() -> Option<Vec<u8>> {
+pub fn grain() -> Option<Vec<u8>> {
     let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/grains/sand_ma107_00107.stl"));
     let Ok(bytes) = std::fs::read(path) else {
         println!("skipped: {} is not there", path.display());

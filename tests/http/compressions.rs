@@ -68,6 +68,8 @@ fn a_grain_is_compressed_and_its_results_are_served() {
     assert_eq!(begun, (201, json!({ "session": "quartz", "name": "elastic" })));
     let news = until(&mut stream, &["complete"]);
     assert_eq!(news[0].data["state"], "meshing");
+    // Told at once, before anything is computed, and then what is being done.
+    assert_eq!(news[0].data["phase"], "reading the body");
     // The news, one after the other, make the whole curve, and so does the status.
     let mut told: Vec<Value> = Vec::new();
     for message in &news {

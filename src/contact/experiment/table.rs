@@ -1,6 +1,7 @@
 //! The table of an export: where its header is, what its columns and units are.
 
 use super::ExperimentError;
+use std::borrow::Cow;
 
 /// Names of the columns, in small letters; a name in Chinese is as GBK's bytes and as Unicode.
 const TIME: [&str; 3] = ["time", "时间", "\u{ca}\u{b1}\u{bc}\u{e4}"];
@@ -32,7 +33,8 @@ impl Table {
         let text = text(bytes);
         let lines: Vec<&str> = text.lines().collect();
         let separator = separator(&lines);
-        let rows: Vec<Vec<String>> = lines.iter().map(|l| fields(l, separator)).collect();
+        // One at a time: a file of millions of rows is not held twice over.
+        let rows = |i: usize| fields(lines[i], separator);
         let column = |row: &[String], names: &[&str]| {
             // The names stand in the order of preference.
             names.iter().find_map(|n| row.iter().position(|f| name_and_unit(f).0 == n.to_lowercase()))
@@ -41,14 +43,14 @@ impl Table {
             let known = [&TIME[..], &DISPLACEMENT, &FORCE];
             known.iter().filter(|names| column(row, names).is_some()).count() >= 2
         };
-        let found = rows.iter().position(|r| is_header(r));
+        let found = (0..lines.len()).find(|&i| is_header(&rows(i)));
         let Some(at) = found else {
             // What stands above the first numbers is the header of something unknown.
             let numbers = |row: &[String]| row.len() >= 2 && row.iter().all(|f| number(f).is_some());
-            let first = rows.iter().position(|r| numbers(r)).unwrap_or(rows.len());
+            let first = (0..lines.len()).find(|&i| numbers(&rows(i))).unwrap_or(lines.len());
             let above = (0..first)
                 .rev()
-                .find(|&i| rows[i].iter().filter(|f| !f.is_empty() && !f.starts_with('(')).count() >= 2);
+                .find(|&i| rows(i).iter().filter(|f| !f.is_empty() && !f.starts_with('(')).count() >= 2);
             let header = above.map_or(String::new(), |i| shown(lines[i]));
             return Err(ExperimentError::Column {
                 what: "force and displacement",
@@ -56,20 +58,26 @@ impl Table {
                 known: KNOWN_FORCE,
             });
         };
-        let header = shown(lines[at]);
+        let (header, names) = (shown(lines[at]), rows(at));
         let missing = |what, known| ExperimentError::Column { what, header: header.clone(), known };
         let displacement =
-            column(&rows[at], &DISPLACEMENT).ok_or_else(|| missing("displacement", KNOWN_DISPLACEMENT))?;
-        let force = column(&rows[at], &FORCE).ok_or_else(|| missing("force", KNOWN_FORCE))?;
+            column(&names, &DISPLACEMENT).ok_or_else(|| missing("displacement", KNOWN_DISPLACEMENT))?;
+        let force = column(&names, &FORCE).ok_or_else(|| missing("force", KNOWN_FORCE))?;
         // Units stand in the header's brackets, or in a row of their own below it.
-        let below = rows.get(at + 1).filter(|r| r.iter().all(|f| f.is_empty() || f.starts_with('(')));
+        let below = (at + 1 < lines.len()).then(|| rows(at + 1));
+        let below = below.filter(|r| r.iter().all(|f| f.is_empty() || f.starts_with('(')));
         let unit = |column: usize| {
-            let own = name_and_unit(&rows[at][column]).1;
-            let other =
-                || below.and_then(|r| r.get(column)).map(|f| f.trim_matches(['(', ')']).trim().to_owned());
+            let own = name_and_unit(&names[column]).1;
+            let other = || {
+                below
+                    .as_ref()
+                    .and_then(|r| r.get(column))
+                    .map(|f| f.trim_matches(['(', ')']).trim().to_owned())
+            };
             own.or_else(other).unwrap_or_default()
         };
-        let shown_header = below.map_or(header.clone(), |_| format!("{header} / {}", shown(lines[at + 1])));
+        let shown_header =
+            below.as_ref().map_or(header.clone(), |_| format!("{header} / {}", shown(lines[at + 1])));
         let factor = |what, column: usize, units: &[(&str, f64)], known| {
             let unit = unit(column);
             // Millinewton and meganewton differ by the letter's case alone.
@@ -88,7 +96,8 @@ impl Table {
         let n = factor("force", force, &FORCES, "N, kN, mN, lbf")?;
         let mut table = Self { displacement_mm: Vec::new(), force_n: Vec::new() };
         let first = at + 1 + usize::from(below.is_some());
-        for (i, row) in rows.iter().enumerate().skip(first) {
+        for i in first..lines.len() {
+            let row = rows(i);
             if row.iter().all(String::is_empty) {
                 if table.force_n.is_empty() {
                     continue;
@@ -111,9 +120,10 @@ impl Table {
 }
 
 /// UTF-8 with or without its mark; else each byte a letter, so that GBK's names can be found.
-fn text(bytes: &[u8]) -> String {
+fn text(bytes: &[u8]) -> Cow<'_, str> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    std::str::from_utf8(bytes).map_or_else(|_| bytes.iter().map(|b| char::from(*b)).collect(), str::to_owned)
+    std::str::from_utf8(bytes)
+        .map_or_else(|_| Cow::Owned(bytes.iter().map(|b| char::from(*b)).collect()), Cow::Borrowed)
 }
 
 /// What separates the fields: the first of tab and semicolon that most lines have; else a comma.

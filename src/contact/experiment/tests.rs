@@ -11,7 +11,7 @@ fn rows(line: impl Fn(f64, f64, f64) -> String) -> String {
 }
 
 fn last(bytes: &[u8], compliance: Compliance) -> CurvePoint {
-    *read(bytes).unwrap().curve(&compliance).unwrap().last().unwrap()
+    *read(bytes).unwrap().read_off(&compliance, 2.0).unwrap().0.last().unwrap()
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! What is asked of a compression, and the folder that is claimed for it.
 
 use super::{CompressInput, CompressSettings, Compression, DaemonError, MESH, Placing, RESULT, RUN};
-use crate::contact::{ContactError, Loading, Material, Plates};
+use crate::contact::{ContactError, Loading, Material, Plates, SETTLED};
 use crate::session::{Held, LOCK, hold, write_whole};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -37,7 +37,8 @@ pub struct CompressRequest {
     pub hardening_mpa: f64,
     /// Coulomb's friction between plates and grain.
     pub friction: f64,
-    /// Stop at this force, N; 10 N where neither force nor approach is given.
+    /// Stop at this force, N; where neither force nor approach is given, at 10 N, or at four times `transition_n` where that is
+    /// more: below it, δ_i is preliminary.
     pub to_force_n: Option<f64>,
     /// Stop at this approach of the plates, mm.
     pub to_approach_mm: Option<f64>,
@@ -104,7 +105,11 @@ impl CompressRequest {
         }
         let usual = Loading::default();
         let loading = Loading {
-            to_force_n: self.to_force_n.or(usual.to_force_n.filter(|_| self.to_approach_mm.is_none())),
+            // Where nobody says, until it is known that the force does not fall below the transition's again.
+            to_force_n: self.to_force_n.or(usual
+                .to_force_n
+                .map(|usual| usual.max(SETTLED * self.transition_n))
+                .filter(|_| self.to_approach_mm.is_none())),
             to_approach_mm: self.to_approach_mm,
             slowest: self.speed * usual.slowest,
             fastest: self.speed * usual.fastest,
@@ -218,11 +223,11 @@ impl Claim {
     }
 
     /// Meshes the body and lays it between the plates; where that was done before an interruption, takes up from the checkpoint.
-    /// `told` hears how much of the meshing is done, 0 to 1.
+    /// `told` hears what is being done, at once, and how much of that is done, 0 to 1.
     ///
     /// # Errors
     /// [`DaemonError`]: a body or plates that cannot be computed, a damaged checkpoint, a disk that fails.
-    pub fn build(self, told: &mut dyn FnMut(f64)) -> Result<Compression, DaemonError> {
+    pub fn build(self, told: &mut dyn FnMut(&str, f64)) -> Result<Compression, DaemonError> {
         if self.folder.join(RUN).exists() {
             return Compression::open(&self.folder, self.held);
         }

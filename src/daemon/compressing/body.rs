@@ -14,6 +14,7 @@ const SIZE: f64 = 1.0 / 14.0;
 /// tetrahedra than this. A grain on a flat side has much surface near the plate, a ball little.
 const AT_CONTACT: [f64; 2] = [1.0 / 28.0, 1.0 / 85.0];
 const TETRAHEDRA: usize = 120_000;
+const RESTING: &str = "laying the grain on the lower plate";
 
 /// The body to compress.
 #[derive(Debug, Clone)]
@@ -66,13 +67,15 @@ pub(super) struct Placed {
     pub middle_mm: f64,
     pub gap_mm: f64,
     pub sphere_radius_mm: Option<f64>,
+    /// About x, then y, then z, degrees, as [`Placing::rotate_deg`].
     pub turned_deg: [f64; 3],
 }
 
+/// `told` hears what is being done, and how much of that is done, 0 to 1.
 pub(super) fn placed(
     input: &CompressInput,
     placing: &Placing,
-    told: &mut dyn FnMut(f64),
+    told: &mut dyn FnMut(&str, f64),
 ) -> Result<Placed, DaemonError> {
     match input {
         CompressInput::Sphere(diameter) => {
@@ -89,6 +92,7 @@ pub(super) fn placed(
             })
         }
         CompressInput::Surface(surface, _) => {
+            told(RESTING, 0.0);
             let center = surface_center(surface);
             let turn = turn(&surface.vertices, &center, placing);
             let vertices = surface.vertices.iter().map(|p| Point::from(turn * (p - center))).collect();
@@ -101,6 +105,7 @@ pub(super) fn placed(
             Ok(between(meshed(&solid, diameter_mm, placing, told)?, ends, &turn))
         }
         CompressInput::Mesh(given, _) => {
+            told(RESTING, 0.0);
             given.check().map_err(crate::contact::ContactError::Mesh)?;
             let surface = given.surface();
             let center = surface_center(&surface.triangles);
@@ -118,17 +123,19 @@ fn meshed(
     body: &dyn ImplicitBody,
     diameter_mm: f64,
     placing: &Placing,
-    told: &mut dyn FnMut(f64),
+    told: &mut dyn FnMut(&str, f64),
 ) -> Result<TetMesh, DaemonError> {
     let size = placing.size_mm.unwrap_or(SIZE * diameter_mm);
-    let with = |at_contact: f64, told: &mut dyn FnMut(f64)| {
+    let with = |at_contact: f64, told: &mut dyn FnMut(&str, f64)| {
+        let phase = format!("meshing, {:.0} µm at the contacts", 1e3 * at_contact.min(size));
+        told(&phase, 0.0);
         let controls = Controls {
             surface_size_mm: size,
             tet_volume_mm3: 0.5 * size.powi(3),
             size_at_contact_mm: Some(at_contact),
             ..Controls::for_size(diameter_mm)
         };
-        mesh(body, &controls, told).map_err(DaemonError::Mesh)
+        mesh(body, &controls, &mut |done| told(&phase, done)).map_err(DaemonError::Mesh)
     };
     if let Some(asked) = placing.size_at_contact_mm {
         return with(asked, told);
@@ -152,7 +159,8 @@ fn meshed(
 
 /// A mesh between plates at the lowest and the highest place of its body.
 fn between(mesh: TetMesh, (low, high): (f64, f64), turn: &Rotation3<f64>) -> Placed {
-    let turned_deg = turn.scaled_axis().map(f64::to_degrees).into();
+    let (x, y, z) = turn.euler_angles();
+    let turned_deg = [x, y, z].map(f64::to_degrees);
     Placed { mesh, middle_mm: 0.5 * (low + high), gap_mm: high - low, sphere_radius_mm: None, turned_deg }
 }
 

@@ -1,6 +1,9 @@
 //! What a compression is made of and what comes out of it, as files and callers have it.
 
-use crate::contact::{Contact, CurvePoint, Energy, HertzFit, Loading, Material, QuasiStatic, Sample};
+use crate::contact::experiment::Reading;
+use crate::contact::{
+    Agreement, Contact, CurvePoint, Energy, HertzFit, Loading, Material, QuasiStatic, Sample, Transition,
+};
 use serde::{Deserialize, Serialize};
 
 /// What was asked, as `run.json` keeps it.
@@ -21,7 +24,7 @@ pub struct CompressSettings {
     pub gap_mm: f64,
     /// The radius, where the body is a sphere, mm.
     pub sphere_radius_mm: Option<f64>,
-    /// How the body was turned to come to rest, as a rotation vector, degrees.
+    /// How the body was turned to come to rest, about x, then y, then z, degrees: what `--rotate-deg` takes.
     pub placed_deg: [f64; 3],
     /// The force at which `δ_i` is read, N.
     pub transition_n: f64,
@@ -36,11 +39,15 @@ pub struct CompressResult {
     pub finished: bool,
     /// Force against the approach of the plates.
     pub curve: Vec<CurvePoint>,
-    /// The approach at which the force passes `settings.transition_n`, mm.
+    /// The approach at which the force passes `settings.transition_n` for the last time, mm; `transition` says whether it is known
+    /// that it is the last.
     pub delta_i_mm: Option<f64>,
-    /// Hertz' law fitted after `δ_i`.
+    /// How `delta_i_mm` was read.
+    #[serde(default)]
+    pub transition: Option<Transition>,
+    /// Hertz' law fitted after `δ_i`; an elastic grain's alone.
     pub hertz: Option<HertzFit>,
-    /// For a sphere the last force over that of the two-plate form.
+    /// For an elastic sphere that both plates carry, the last force over that of the two-plate form.
     pub over_two_plate_form: Option<f64>,
     /// Tetrahedra.
     pub elements: usize,
@@ -62,6 +69,9 @@ pub struct CompressResult {
     pub rotation_deg: f64,
     /// How far nodes are beyond a plate, mm: contact is exact.
     pub overclosure_mm: f64,
+    /// The laboratory's test, where one was given: how it was read, and how well the computed curve agrees with it.
+    #[serde(default)]
+    pub experiment: Option<ExperimentResult>,
     /// Every contact that there was.
     pub contacts: Vec<Contact>,
     /// What a person should know.
@@ -79,8 +89,8 @@ pub struct EnergyResult {
     pub internal: f64,
     /// Work of the plates.
     pub external: f64,
-    /// Unaccounted energy over the plates' work.
-    pub balance_error: f64,
+    /// Unaccounted energy over the plates' work; none before the contacts have formed, when there is hardly any.
+    pub balance_error: Option<f64>,
     /// Taken by plastic flow.
     pub plastic: f64,
     /// Taken by bulk viscosity.
@@ -93,13 +103,14 @@ pub struct EnergyResult {
     pub impact: f64,
 }
 
-impl From<Energy> for EnergyResult {
-    fn from(e: Energy) -> Self {
+impl EnergyResult {
+    /// The energies at the end of a compression whose contacts have formed or not.
+    pub(super) fn of(e: &Energy, formed: bool) -> Self {
         Self {
             kinetic: e.kinetic,
             internal: e.internal(),
             external: e.external,
-            balance_error: e.balance_error(),
+            balance_error: formed.then(|| e.balance_error()),
             plastic: e.plastic,
             viscous: e.viscous,
             damping: e.damping,
@@ -109,6 +120,18 @@ impl From<Energy> for EnergyResult {
     }
 }
 
+/// A laboratory's test beside a compression.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ExperimentResult {
+    /// The export's file.
+    pub file: String,
+    /// What was read off it, and how.
+    #[serde(flatten)]
+    pub reading: Reading,
+    /// How well the computed curve agrees with it; none where they have no approach in common.
+    pub agreement: Option<Agreement>,
+}
+
 /// A curve to be drawn beside the computed one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OtherCurve {
@@ -116,8 +139,8 @@ pub struct OtherCurve {
     pub name: String,
     /// The curve.
     pub points: Vec<CurvePoint>,
-    /// Measured rather than computed.
-    pub measured: bool,
+    /// Where it was measured: the file, and how it was read.
+    pub measured: Option<(String, Reading)>,
 }
 
 /// How far a compression is.

@@ -1,7 +1,8 @@
 //! The files of a compression.
 
-use super::{CompressResult, DaemonError, OtherCurve};
-use crate::contact::{CurvePoint, Press, Sample, agreement, hertz, section, transition_mm};
+use super::{CompressResult, DaemonError, ExperimentResult, OtherCurve};
+use crate::contact::experiment::LoadingEnd;
+use crate::contact::{Press, Sample, Transition, hertz, section};
 use crate::export::{press_deck, pvd, vtu};
 use crate::geometry::{Point, Vector};
 use crate::mesh::TetMesh;
@@ -16,15 +17,29 @@ pub(super) fn stage(folder: &Path, number: usize, mesh: &TetMesh, press: &Press)
     let (places, upper_mm) = press.placed_mm();
     let (mises, least) = (fields.mises_mpa(), fields.least_principal_mpa());
     let moved: Vec<f64> = press.displacements_mm().iter().flat_map(|p| [p.x, p.y, p.z]).collect();
+    // In VTK's order: xx, yy, zz, xy, yz, xz.
+    let tensor: Vec<f64> =
+        fields.stress_mpa.iter().flat_map(|s| [s[0], s[1], s[2], s[5], s[3], s[4]]).collect();
     let nodal = [vtu::Column { name: "displacement_mm", components: 3, values: &moved }];
     let cells = [
         vtu::Column { name: "von_mises_mpa", components: 1, values: &mises },
         vtu::Column { name: "min_principal_mpa", components: 1, values: &least },
+        vtu::Column { name: "cauchy_stress_mpa", components: 6, values: &tensor },
         vtu::Column { name: "plastic_strain", components: 1, values: &fields.plastic_strain },
     ];
     let mut grid = Vec::new();
     let deformed = TetMesh::new(places.clone(), mesh.tets.clone());
-    vtu::write(&deformed, &nodal, &cells, &mut grid)?;
+    let mut told =
+        vec!["lengths in mm, stresses in MPa, tension positive; the places are those under load".to_owned()];
+    told.extend(press.samples().last().map(|s| {
+        format!(
+            "stage {number}: approach {:.4} µm, force {:.5} N, time {:.6e} s",
+            1e3 * s.approach_mm,
+            s.force_n,
+            s.time_s
+        )
+    }));
+    vtu::write_told(&deformed, &told, &nodal, &cells, &mut grid)?;
     write_whole(folder, &format!("stage_{number:02}.vtu"), &grid)?;
 
     let Some(sample) = press.samples().last() else { return Ok(()) };
@@ -91,12 +106,14 @@ pub(super) fn write(
     write_whole(folder, "curve.svg", &sheet.svg())?;
     write_whole(folder, "curve.png", &sheet.png().map_err(|e| DaemonError::Encode(e.to_string()))?)?;
     let mut grids: Vec<(f64, String)> = (stages.iter().enumerate())
-        .map(|(k, i)| (1e3 * press.samples()[*i].approach_mm, format!("stage_{:02}.vtu", k + 1)))
+        .map(|(k, i)| {
+            ((1e9 * press.samples()[*i].approach_mm).round() / 1e6, format!("stage_{:02}.vtu", k + 1))
+        })
         .filter(|(_, name)| folder.join(name).exists())
         .collect();
     grids.dedup_by(|a, b| a.1 == b.1);
     let mut collection = Vec::new();
-    pvd::write(&grids, &mut collection)?;
+    pvd::write(&grids, "approach of the plates, µm", &mut collection)?;
     write_whole(folder, "stages.pvd", &collection)?;
     let s = &result.settings;
     let approach_mm = press.samples().last().map_or(0.0, |x| x.approach_mm);
@@ -110,6 +127,8 @@ pub(super) fn write(
         friction: s.friction,
         approach_mm: (s.loading.to_approach_mm.unwrap_or(approach_mm) + earlier_mm).max(1e-6),
         seconds: press.samples().last().map_or(1e-5, |x| x.time_s),
+        damping_per_s: press.dynamics().damping_per_s,
+        scaled_to_s: press.body().scaled_to_s(),
         steps: 10,
         source: &s.source,
     };
@@ -139,7 +158,7 @@ fn table(samples: &[Sample]) -> String {
         let turned = s.rotation_rad.iter().map(|x| x * x).sum::<f64>().sqrt().to_degrees();
         let _ = writeln!(
             out,
-            "{},{},{},{},{:e},{:e},{:e},{:e},{:e},{:e},{},{},{},{:e}",
+            "{:.9},{:.8},{:.8},{:.8},{:.9e},{:.6e},{:.6e},{:.6e},{:.6e},{:.3e},{:.6},{},{:.6},{:.6e}",
             s.approach_mm,
             s.force_n,
             s.lower_n[2],
@@ -233,9 +252,9 @@ fn sheet(press: &Press, result: &CompressResult, others: &[OtherCurve]) -> Sheet
         s.material.poisson,
         s.friction
     )];
-    if let Some(d) = result.delta_i_mm {
-        figures.push(format!("delta_i at {} N: {:.2} µm", s.transition_n, 1e3 * d));
-    }
+    figures.extend(
+        result.transition.map(|t| format!("delta_i at {} N: {}", s.transition_n, transition_line(&t))),
+    );
     if let Some(fit) = &result.hertz {
         figures.push(format!(
             "Hertz after delta_i: E* = {:.0} MPa at R = {:.4} mm, or R = {:.4} mm at the material's E*; origin {:.2} µm, residual {:.3} N",
@@ -246,31 +265,74 @@ fn sheet(press: &Press, result: &CompressResult, others: &[OtherCurve]) -> Sheet
             fit.residual_n
         ));
     }
-    for other in others.iter().filter(|o| o.measured) {
-        let delta = transition_mm(&other.points, s.transition_n);
-        let mut line = format!("{}: ", other.name);
-        if let Some(d) = delta {
-            let _ = write!(line, "delta_i {:.2} µm; ", 1e3 * d);
-        }
-        let computed: Vec<CurvePoint> = result.curve.clone();
-        match agreement(&computed, &other.points) {
-            Some(a) => {
-                let _ = write!(
-                    line,
-                    "root mean square difference {:.3} N ({:.1} % of its largest force), determination {:.3}",
-                    a.rms_n,
-                    100.0 * a.relative,
-                    a.determination
-                );
-            }
-            None => line.push_str("no approach in common with the computed curve"),
-        }
-        figures.push(line);
+    let mut warnings = result.warnings.clone();
+    if let Some(e) = &result.experiment {
+        figures.extend(experiment_lines(e));
+        warnings.extend(e.reading.notes.iter().map(|n| format!("experiment: {n}")));
     }
-    Sheet {
-        title: format!("Compression of {}", s.source),
-        panels,
-        figures,
-        warnings: result.warnings.clone(),
+    Sheet { title: format!("Compression of {}", s.source), panels, figures, warnings }
+}
+
+/// δ_i as a person reads it: alone where it is known, else with what is not.
+pub fn transition_line(t: &Transition) -> String {
+    let mut line = format!("{:.2} µm", 1e3 * t.delta_i_mm);
+    if t.first_crossing_mm < t.delta_i_mm {
+        let _ =
+            write!(line, " (first passed at {:.2} µm, then the force fell again)", 1e3 * t.first_crossing_mm);
     }
+    if !t.settled {
+        let _ = write!(
+            line,
+            ", preliminary: not known whether the force falls again (it reached {:.2} N; {} N would tell)",
+            t.reached_n, t.needed_n
+        );
+    }
+    line
+}
+
+/// What a test says, and what was taken for zero, contact and end.
+pub fn experiment_lines(e: &ExperimentResult) -> Vec<String> {
+    let r = &e.reading;
+    let mut first = match (r.delta_i_mm, r.first_crossing_mm) {
+        (Some(d), Some(f)) if d > f => {
+            format!(
+                "delta_i {:.2} µm at {} N (first passed at {:.2} µm, then it fell again)",
+                1e3 * d,
+                r.transition_n,
+                1e3 * f
+            )
+        }
+        (Some(d), _) => format!("delta_i {:.2} µm at {} N", 1e3 * d, r.transition_n),
+        _ => format!("delta_i not known: {} N are never passed", r.transition_n),
+    };
+    match &e.agreement {
+        Some(a) => {
+            let _ = write!(
+                first,
+                "; root mean square difference {:.3} N ({:.1} % of its largest force), determination {:.3}",
+                a.rms_n,
+                100.0 * a.relative,
+                a.determination
+            );
+        }
+        None => first.push_str("; no approach in common with the computed curve"),
+    }
+    let noise = r.noise_n.map_or("not known".to_owned(), |n| format!("{n:.4} N"));
+    let end = match r.end {
+        LoadingEnd::TurnedRound => "where the crosshead turns round",
+        LoadingEnd::RecordEnds => "where the record ends",
+    };
+    vec![
+        format!("experiment: {first}"),
+        format!(
+            "experiment: zero {:.4} N (noise {noise}), contact {:.4} N above it, at {:.5} mm (rows {:.2} µm apart); loading to {:.2} \
+             µm, {end}; {} µm/N of the machine taken off",
+            r.zero_n,
+            r.contact_n,
+            r.contact_mm,
+            1e3 * r.spacing_mm,
+            1e3 * r.end_mm,
+            r.compliance_um_per_n
+        ),
+    ]
 }

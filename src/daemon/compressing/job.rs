@@ -111,8 +111,8 @@ impl Run {
         let news = &mut self.news;
         let mut compression = match work {
             Work::New(claim) => {
-                news.meshing(0.0);
-                claim.build(&mut |done| news.meshing(done))?
+                news.setting_up("reading the body", 0.0);
+                claim.build(&mut |phase, done| news.setting_up(phase, done))?
             }
             Work::GoOn(folder, held) => Compression::open(&folder, held)?,
         };

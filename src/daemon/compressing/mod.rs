@@ -17,13 +17,16 @@ mod tests;
 
 pub use asked::{Claim, CompressMaterial, CompressRequest};
 pub use body::{CompressInput, Placing};
-pub use figures::{CompressProgress, CompressResult, CompressSettings, EnergyResult, OtherCurve};
+pub use figures::{
+    CompressProgress, CompressResult, CompressSettings, EnergyResult, ExperimentResult, OtherCurve,
+};
+pub use files::{experiment_lines, transition_line};
 pub use host::{CompressError, CompressHost};
 pub use shelf::{CompressDetails, CompressFile, CompressLine, CompressState};
 
 use super::DaemonError;
 use crate::contact::{
-    ContactError, CurvePoint, Loading, Press, Sample, fit_hertz, hertz, quasi_static, transition_mm,
+    ContactError, CurvePoint, Loading, Press, Sample, agreement, fit_hertz, hertz, quasi_static, transition,
 };
 use crate::mesh::TetMesh;
 use crate::session::{Held, hold, write_whole};
@@ -66,7 +69,7 @@ impl Compression {
         input: CompressInput,
         placing: &Placing,
         settings: CompressSettings,
-        told: &mut dyn FnMut(f64),
+        told: &mut dyn FnMut(&str, f64),
     ) -> Result<Self, DaemonError> {
         Claim::new(folder, input, placing, settings)?.build(told)
     }
@@ -103,7 +106,7 @@ impl Compression {
     }
 
     /// Meshes what was claimed.
-    fn meshed(claim: Claim, told: &mut dyn FnMut(f64)) -> Result<Self, DaemonError> {
+    fn meshed(claim: Claim, told: &mut dyn FnMut(&str, f64)) -> Result<Self, DaemonError> {
         let Claim { folder, held, input, placing, mut settings } = claim;
         let placed = body::placed(&input, &placing, told)?;
         settings.source = input.name();
@@ -111,6 +114,7 @@ impl Compression {
         settings.gap_mm = placed.gap_mm;
         settings.sphere_radius_mm = placed.sphere_radius_mm;
         settings.placed_deg = placed.turned_deg;
+        told("finding the time step", 0.0);
         let press = press(&placed.mesh, &settings)?;
         let text = serde_json::to_vec_pretty(&settings).map_err(|e| DaemonError::Encode(e.to_string()))?;
         write_whole(&folder, MESH, &mesh_bytes(&placed.mesh))?;
@@ -213,16 +217,27 @@ impl Compression {
         let press = &self.press;
         let (samples, settings) = (press.samples(), &self.settings);
         let curve: Vec<CurvePoint> = samples.iter().map(CurvePoint::from).collect();
-        let delta_i_mm = transition_mm(&curve, settings.transition_n);
-        let fit = delta_i_mm.and_then(|d| fit_hertz(&curve, d, &settings.material, settings.gap_mm));
-        let over_two_plate_form = settings.sphere_radius_mm.zip(curve.last()).map(|(r, last)| {
-            last.force_n / hertz::two_plate_force_n(&settings.material, r, 0.5 * last.approach_mm)
-        });
-        let quasi = quasi_static(samples);
+        let transition = transition(&curve, settings.transition_n);
+        let delta_i_mm = transition.map(|t| t.delta_i_mm);
+        let quasi = quasi_static(samples, settings.transition_n);
+        // What yields follows neither law.
+        let elastic = settings.material.yield_mpa.is_none();
+        let fit = delta_i_mm
+            .filter(|_| elastic)
+            .and_then(|d| fit_hertz(&curve, d, &settings.material, settings.gap_mm));
+        let over_two_plate_form =
+            settings.sphere_radius_mm.zip(curve.last()).filter(|_| elastic && quasi.is_some()).map(
+                |(r, last)| {
+                    last.force_n / hertz::two_plate_force_n(&settings.material, r, 0.5 * last.approach_mm)
+                },
+            );
+        // A mesh's nodes may stand out of the sphere: then the plates carry it before they come to it.
+        let over_two_plate_form = over_two_plate_form.filter(|x| x.is_finite());
         let energy = samples.last().map(|s| s.energy).unwrap_or_default();
         let mut warnings = Vec::new();
+        warnings.extend(transition.and_then(|t| t.warning()));
         warnings.extend(quasi.and_then(|q| q.warning()));
-        if energy.balance_error().abs() > 0.01 {
+        if quasi.is_some() && energy.balance_error().abs() > 0.01 {
             warnings.push(format!(
                 "the energy balance is off by {:.2} % of the plates' work: above 1 % the result is not to be trusted",
                 100.0 * energy.balance_error()
@@ -235,11 +250,16 @@ impl Compression {
         let rotation_deg = samples
             .last()
             .map_or(0.0, |s| s.rotation_rad.iter().map(|x| x * x).sum::<f64>().sqrt().to_degrees());
+        let experiment = others.iter().find_map(|o| {
+            let (file, reading) = o.measured.clone()?;
+            Some(ExperimentResult { file, reading, agreement: agreement(&curve, &o.points) })
+        });
         let mut result = CompressResult {
             settings: settings.clone(),
             finished: press.finished(),
             curve,
             delta_i_mm,
+            transition,
             hertz: fit,
             over_two_plate_form,
             elements: press.body().elements(),
@@ -248,18 +268,38 @@ impl Compression {
             step_s: press.step_s(),
             added_mass: press.body().added_mass(),
             wall_s,
-            energy: energy.into(),
+            energy: EnergyResult::of(&energy, quasi.is_some()),
             quasi_static: quasi,
             rotation_deg,
             overclosure_mm: press.overclosure_mm(),
+            experiment,
             contacts: press.contacts().to_vec(),
             warnings,
             files: Vec::new(),
         };
         result.files = files::write(&self.folder, &self.mesh, press, &result, &self.stages(), others)?;
-        let text = serde_json::to_vec_pretty(&result).map_err(|e| DaemonError::Encode(e.to_string()))?;
-        write_whole(&self.folder, RESULT, &text)?;
-        Ok(result)
+        let encode = |e: serde_json::Error| DaemonError::Encode(e.to_string());
+        let mut value = serde_json::to_value(&result).map_err(encode)?;
+        round(&mut value);
+        write_whole(&self.folder, RESULT, &serde_json::to_vec_pretty(&value).map_err(encode)?)?;
+        // What callers print is what the file says.
+        serde_json::from_value(value).map_err(encode)
+    }
+}
+
+/// Rounds every number to nine digits, which is more than any of them means.
+fn round(value: &mut serde_json::Value) {
+    use serde_json::{Number, Value};
+    match value {
+        Value::Number(n) if n.is_f64() => {
+            let short = n.as_f64().and_then(|x| format!("{x:.8e}").parse().ok()).and_then(Number::from_f64);
+            if let Some(short) = short {
+                *n = short;
+            }
+        }
+        Value::Array(all) => all.iter_mut().for_each(round),
+        Value::Object(all) => all.values_mut().for_each(round),
+        _ => {}
     }
 }
 

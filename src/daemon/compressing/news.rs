@@ -23,6 +23,7 @@ impl News {
             session: session.into(),
             name: name.into(),
             state: CompressionState::Meshing,
+            phase: None,
             done: 0.0,
             left_s: None,
             contacts: 0,
@@ -33,15 +34,21 @@ impl News {
         Self { watcher, next, told: None }
     }
 
-    /// The mesh is made to such a part, 0 to 1.
-    pub(super) fn meshing(&mut self, done: f64) {
+    /// What is done before the plates move, and how much of that is done, 0 to 1; the next thing is told at once.
+    pub(super) fn setting_up(&mut self, phase: &str, done: f64) {
         self.next.done = done;
-        self.tell_in_time();
+        if self.next.phase.as_deref() == Some(phase) {
+            self.tell_in_time();
+        } else {
+            self.next.phase = Some(phase.into());
+            self.tell();
+        }
     }
 
     /// The plates begin to move, or go on, with this much done and this curve.
     pub(super) fn running(&mut self, done: f64, curve: Vec<CurvePoint>) {
         self.next.state = CompressionState::Running;
+        self.next.phase = None;
         self.next.done = done;
         self.next.points = curve;
         self.tell();
@@ -59,6 +66,7 @@ impl News {
 
     pub(super) fn ended(&mut self, state: CompressionState, error: Option<String>) {
         self.next.state = state;
+        self.next.phase = None;
         self.next.left_s = None;
         self.next.error = error;
         self.tell();

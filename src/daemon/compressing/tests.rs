@@ -17,7 +17,8 @@ fn begin(folder: &Path) -> Compression {
         ..CompressRequest::default()
     };
     let settings = request.settings().unwrap();
-    Compression::begin(folder, CompressInput::Sphere(0.8), &request.placing(), settings, &mut |_| {}).unwrap()
+    Compression::begin(folder, CompressInput::Sphere(0.8), &request.placing(), settings, &mut |_, _| {})
+        .unwrap()
 }
 
 fn run(compression: &mut Compression) -> bool {
@@ -103,7 +104,7 @@ fn the_same_again_goes_on_and_something_else_is_refused() {
     let request = CompressRequest { young_mpa: 50e3, ..CompressRequest::default() };
     let other = request.settings().unwrap();
     let refused =
-        Compression::begin(&folder, CompressInput::Sphere(0.8), &request.placing(), other, &mut |_| {});
+        Compression::begin(&folder, CompressInput::Sphere(0.8), &request.placing(), other, &mut |_, _| {});
     assert!(refused.err().unwrap().to_string().contains("not an empty folder"));
     let mut again = begin(&folder);
     assert!(again.done() > 0.3);
@@ -113,6 +114,6 @@ fn the_same_again_goes_on_and_something_else_is_refused() {
     let request = CompressRequest { to_force_n: Some(4.0), size_mm: Some(0.2), ..CompressRequest::default() };
     let request = CompressRequest { size_at_contact_mm: Some(0.15), ..request };
     let (placing, settings) = (request.placing(), request.settings().unwrap());
-    let refused = Compression::begin(&folder, CompressInput::Sphere(0.8), &placing, settings, &mut |_| {});
+    let refused = Compression::begin(&folder, CompressInput::Sphere(0.8), &placing, settings, &mut |_, _| {});
     assert!(refused.err().unwrap().to_string().contains("not an empty folder"));
 }
