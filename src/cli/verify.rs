@@ -2,6 +2,7 @@
 
 use super::Common;
 use super::output::{print, print_json, say};
+use crate::session::State;
 use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
@@ -25,12 +26,17 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
             return Ok(());
         }
         return print(&format!(
-            "{}: every file has the recorded bytes ({} of {} views, {} products, {} journal lines)\n",
+            "{}: every file has the recorded bytes ({} of {} views, {} products, {} journal lines){}\n",
             folder.display(),
             report.frames,
             report.planned,
             report.products,
-            report.records
+            report.records,
+            // Lines that were taken off a journal's end look as if the run had been killed there.
+            match report.state {
+                Some(State::Complete) => "",
+                _ => "; the session is not complete, `grainrig resume` goes on with it",
+            }
         ));
     }
     for fault in &report.faults {

@@ -15,7 +15,7 @@ use crate::rig::simulated::TruthHandle;
 use crate::session::event::{CapturedView, Role};
 use crate::session::replay::replay;
 use crate::session::{
-    Manifest, Origin, PlannedView, Session, State, Store, check_space, required_bytes, write_whole,
+    Manifest, Origin, PlannedView, Session, State, Store, check_space, damage, required_bytes, write_whole,
 };
 use std::path::Path;
 use std::sync::mpsc::{SyncSender, sync_channel};
@@ -152,6 +152,11 @@ pub fn resume(
     let session = Session::open(folder)?;
     let recording = session.recording();
     let manifest = recording.manifest();
+    // Before anything is said or done: a session whose evidence is lost is neither complete nor to be gone on with.
+    let faults = damage(recording, recording.state() == State::Complete);
+    if !faults.is_empty() {
+        return Err(DaemonError::Damaged { session: manifest.name.clone(), faults });
+    }
     if let (State::Complete, Some(result)) = (recording.state(), recording.result()) {
         let (session, views) = (manifest.name.clone(), recording.views().len());
         let mut result = result.clone();

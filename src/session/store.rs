@@ -63,7 +63,9 @@ impl Store {
             let entry = entry.map_err(SessionError::io("list", &self.data, 0))?;
             let name = entry.file_name().to_string_lossy().into_owned();
             // A folder that begins with a dot is a session that is being made, or nothing of ours.
-            if name.starts_with('.') || !entry.path().is_dir() {
+            // A link to a folder is told of as damaged, and not followed.
+            let is_session = entry.file_type().is_ok_and(|kind| kind.is_dir() || kind.is_symlink());
+            if name.starts_with('.') || !is_session {
                 continue;
             }
             all.push(summarise(name, &entry.path()));
@@ -119,6 +121,7 @@ impl Store {
             .map_err(|e| SessionError::Manifest { path: target.join(MANIFEST), reason: e.to_string() })?;
         let folder = self.data.join(format!(".new-{}", manifest.name));
         std::fs::create_dir_all(&folder).map_err(SessionError::io("create", &folder, 0))?;
+        super::open::check_folder(&folder)?;
         // Whoever made this folder before and was killed has left its lock; whoever lives holds it.
         let lock = Lock::take(&folder)?;
         empty(&folder)?;

@@ -5,11 +5,12 @@ use super::disk::{Lock, WholeFile, check_space, remove_parts, write_whole};
 use super::event::{CapturedView, Event, Happening, ProductRecord};
 use super::manifest::{ArchivedFile, PlannedView, required_bytes};
 use super::name::check_name;
+use super::open::{append_inside, check_folder};
 use super::recording::{FRAMES, JOURNAL, PRODUCTS, Recording};
 use crate::geometry::Angle;
 use crate::rig::Frame;
 use jiff::Timestamp;
-use std::fs::{File, OpenOptions};
+use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -47,8 +48,7 @@ impl Session {
     pub(super) fn with_lock(folder: &Path, lock: Lock) -> Result<Self, SessionError> {
         let recording = Recording::read(folder)?;
         let path = folder.join(JOURNAL);
-        let journal =
-            OpenOptions::new().append(true).open(&path).map_err(SessionError::io("open", &path, 0))?;
+        let journal = append_inside(folder, JOURNAL)?;
         if recording.torn_bytes > 0 {
             journal
                 .set_len(recording.good_bytes)
@@ -59,6 +59,8 @@ impl Session {
         let products = folder.join(PRODUCTS);
         std::fs::create_dir_all(&products).map_err(SessionError::io("create", &products, 0))?;
         for name in [FRAMES, PRODUCTS] {
+            // What is written there must not land elsewhere.
+            check_folder(&folder.join(name))?;
             remove_parts(&folder.join(name))?;
         }
         Ok(Self { recording, journal, lock: Arc::new(lock), broken: false, observer: None })

@@ -2,6 +2,7 @@
 
 mod compressions;
 mod daemon;
+mod damage;
 mod ending;
 mod hostile;
 mod runs;
