@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!  connection ─▶ guard ─▶ routes ─▶ Rig (the daemon)
-//!   slots,        Host,     │  ▲
+//!   places,       Host,     │  ▲
 //!   idle limit    Origin,   │  └── refusal → error: kind and message out, detail to the log
 //!                 token     └────▶ feed ─▶ server-sent events
 //! ```
@@ -17,7 +17,9 @@ mod download;
 mod error;
 mod feed;
 mod guard;
+mod guesses;
 mod openapi;
+mod places;
 mod routes;
 mod status;
 mod stream;
@@ -191,7 +193,9 @@ pub async fn serve(
         // An error means that the sender is gone, and with it this server.
         let _ = stopping.wait_for(|stopping| *stopping).await;
     };
-    let server = axum::serve(doorkeeper, routes::router(app)).with_graceful_shutdown(stopped);
+    let server =
+        axum::serve(doorkeeper, routes::router(app).into_make_service_with_connect_info::<places::Ticket>())
+            .with_graceful_shutdown(stopped);
     let mut server = pin!(server.into_future());
     tokio::select! {
         ended = &mut server => return ended,

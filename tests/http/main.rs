@@ -1,6 +1,7 @@
 //! `grainrig serve` as a stranger uses it: the real program, its real port, a real run.
 
 mod compressions;
+mod crowd;
 mod daemon;
 mod damage;
 mod ending;
