@@ -25,6 +25,7 @@ pub mod picture;
 mod recording;
 pub mod replay;
 mod store;
+mod summaries;
 mod verify;
 mod writer;
 
@@ -35,6 +36,7 @@ pub use manifest::{Manifest, Origin, Plan, PlannedView, required_bytes};
 pub use name::check_name;
 pub use open::{open_inside, read_inside, read_named};
 pub use recording::{Recording, State};
-pub use store::{Staged, Store, Summary};
+pub use store::{Staged, Store};
+pub use summaries::Summary;
 pub use verify::{Fault, VerifyReport, damage, verify};
 pub use writer::{ProductWriter, Session};
