@@ -90,7 +90,7 @@ impl Rig for LocalRig {
             return Err(Refusal::new(RefusalKind::Invalid, message));
         }
         let Value::Object(overrides) = overrides else { unreachable!("it was made of an object") };
-        let session = self.host.start(&request.name, overrides).map_err(|e| self.host_refused(&e))?;
+        let session = self.host.start(&request.session, overrides).map_err(|e| self.host_refused(&e))?;
         Ok(RunStarted { session })
     }
 

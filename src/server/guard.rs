@@ -21,7 +21,7 @@ use super::routes::BODY_LIMIT_BYTES;
 /// Characters a token has at least: 64 bits, where they are hexadecimal.
 pub const MIN_TOKEN_LENGTH: usize = 16;
 /// The cookie that stands for the token once the page was opened with it.
-const COOKIE: &str = "grainrig_token";
+pub(super) const COOKIE: &str = "grainrig_token";
 /// What the page and the API may load: their own, and nothing runs that is not a file of ours.
 const PAGE_POLICY: &str =
     "default-src 'self'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'; object-src 'none'";

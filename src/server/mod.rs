@@ -21,6 +21,7 @@ mod guesses;
 mod openapi;
 mod places;
 mod routes;
+mod schemas;
 mod status;
 mod stream;
 
@@ -131,10 +132,13 @@ pub trait Rig: Compressions {
 
 /// A run to begin.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize, ToSchema)]
+#[schema(example = json!({ "session": "leighton-buzzard-07", "plan": { "views": 25 } }))]
 pub struct RunRequest {
-    /// Name of the session: 1 to 64 bytes, no slash or control character, not beginning with a dot.
-    #[schema(example = "leighton-buzzard-07")]
-    pub name: String,
+    /// Name of the session: 1 to 64 letters, digits, `.`, `_` or `-`, beginning with a letter or a digit, without `..`;
+    /// `name` is understood as well.
+    #[serde(alias = "name")]
+    #[schema(min_length = 1, max_length = 64, pattern = "^[A-Za-z0-9][A-Za-z0-9._-]*$")]
+    pub session: String,
     /// Settings that differ from the daemon's configuration for this run, by their name in it. The rig
     /// refuses those it does not know.
     #[serde(flatten)]

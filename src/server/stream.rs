@@ -49,7 +49,8 @@ pub(super) struct After {
     (status = 200, description = "The stream; each `data` is a StreamedEvent, or a Status for `snapshot`",
      content_type = "text/event-stream", body = openapi::StreamedEvent),
     (status = 400, description = "`after` is no number", body = ErrorBody),
-    (status = 401, description = "No token", body = ErrorBody),
+    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
+    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
 ))]
 pub(super) async fn events(
     State(app): State<App>,

@@ -1,5 +1,6 @@
 //! `grainrig serve` as a stranger uses it: the real program, its real port, a real run.
 
+mod client;
 mod compressions;
 mod crowd;
 mod daemon;

@@ -24,6 +24,7 @@ pub enum CompressMaterial {
 /// A compression as it is asked for; what is left out has its usual value.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schema(example = json!({ "material": "elastic", "to_force_n": 2.0 }))]
 pub struct CompressRequest {
     /// How the grain answers.
     pub material: CompressMaterial,
