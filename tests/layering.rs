@@ -113,3 +113,24 @@ fn only_daemon_cli_and_configuration_name_the_simulated_rig() {
         }
     }
 }
+
+/// Session files may come from anywhere: they are opened by one room's helpers, which follow no link, wait for no pipe and
+/// know a limit. Named here is what else may open a file by its path, and what for.
+#[test]
+fn files_of_a_session_are_opened_in_one_place() {
+    let allowed = [
+        // The helpers; new files, and folders to be synced.
+        "session/open.rs",
+        "session/disk.rs",
+    ];
+    let words =
+        ["fs::read(", "fs::read_to_string(", "File::open(", "OpenOptions", "fs::copy(", "tokio::fs::read"];
+    for (file, room, code) in files() {
+        let looked_at = ["session", "server", "daemon"].contains(&room.as_str());
+        if looked_at && !allowed.iter().any(|allowed| file.ends_with(allowed)) {
+            for word in words {
+                assert!(!code.contains(word), "{}: {word} instead of session::open", file.display());
+            }
+        }
+    }
+}

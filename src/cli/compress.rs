@@ -22,6 +22,8 @@ use std::path::{Path, PathBuf};
 
 /// The most that is read of an export or of another compression's result.
 const MOST_BYTES: u64 = 64 << 20;
+/// The product that holds a session's surface.
+const SURFACE: &str = "grain.stl";
 
 /// Options of `compress`.
 #[derive(Debug, Args)]
@@ -264,9 +266,11 @@ fn input(common: &Common, a: &Arguments) -> Result<(CompressInput, PathBuf)> {
     }
     let folder = super::session_folder(common, path)?;
     let recording = Recording::read(&folder)?;
-    let product = recording.product_path("grain.stl")?;
-    let surface = surface(&product, Unit::Mm)
-        .with_context(|| "the session has no surface yet: `grainrig reconstruct` makes it".to_owned())?;
+    if !recording.products().any(|p| p.file == SURFACE) {
+        bail!("session {name} has no surface yet: `grainrig reconstruct {name}` makes it");
+    }
+    // Checked against the journal: another grain's surface is not this session's.
+    let surface = surface_of(&recording.product(SURFACE)?, &folder.join("products").join(SURFACE), Unit::Mm)?;
     Ok((CompressInput::Surface(surface, format!("session {name}")), out(&name)))
 }
 
@@ -274,7 +278,11 @@ fn input(common: &Common, a: &Arguments) -> Result<(CompressInput, PathBuf)> {
 fn surface(path: &Path, unit: Unit) -> Result<TriangleMesh> {
     let bytes =
         std::fs::read(path).with_context(|| format!("cannot read {}; check the path", path.display()))?;
-    let mut surface = stl::read(&bytes).with_context(|| path.display().to_string())?;
+    surface_of(&bytes, path, unit)
+}
+
+fn surface_of(bytes: &[u8], path: &Path, unit: Unit) -> Result<TriangleMesh> {
+    let mut surface = stl::read(bytes).with_context(|| path.display().to_string())?;
     surface.vertices.iter_mut().for_each(|p| p.coords *= unit.in_mm());
     Ok(outwards(surface, path)?.0.surface().clone())
 }

@@ -18,7 +18,7 @@ impl LocalRig {
                 RefusalKind::Invalid
             }
             CompressError::Absent => RefusalKind::NotFound,
-            CompressError::Daemon(_) | CompressError::Changed { .. } => RefusalKind::Failed,
+            CompressError::Daemon(_) => RefusalKind::Failed,
         };
         Refusal::new(kind, self.places.hidden(&error.to_string()))
     }

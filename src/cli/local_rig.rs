@@ -6,7 +6,7 @@ use crate::server::{
     Content, Download, EventFeed, KEPT_EVENTS, Refusal, RefusalKind, Rig, RunRequest, RunStarted,
 };
 use crate::session::event::{CompressionNews, Event, Happening};
-use crate::session::{Recording, SessionError, Summary};
+use crate::session::{Hashes, Recording, SessionError, Summary};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -23,6 +23,7 @@ pub(super) struct LocalRig {
     feed: EventFeed,
     pub(super) places: Places,
     previews: Previews,
+    hashes: Hashes,
 }
 
 impl LocalRig {
@@ -49,6 +50,7 @@ impl LocalRig {
             feed,
             places,
             previews: Previews::default(),
+            hashes: Hashes::default(),
         }
     }
 
@@ -88,7 +90,7 @@ impl Rig for LocalRig {
             return Err(Refusal::new(RefusalKind::Invalid, message));
         }
         let Value::Object(overrides) = overrides else { unreachable!("it was made of an object") };
-        let session = self.host.start(&request.name, overrides).map_err(|e| self.host_refused(&e))?;
+        let session = self.host.start(&request.session, overrides).map_err(|e| self.host_refused(&e))?;
         Ok(RunStarted { session })
     }
 
@@ -146,7 +148,7 @@ impl Rig for LocalRig {
     fn frame(&self, id: &str, file: &str) -> Result<Download, Refusal> {
         let recording = self.read(id)?;
         let view = recording.views().find(|v| v.file == file).ok_or_else(|| absent(id, "frame", file))?;
-        let frame = recording.frame(view.view).map_err(|e| refused(&e))?;
+        let frame = recording.frame(view.view).map_err(|e| damaged(id, "frame", file, &e))?;
         Ok(Download {
             content_type: frame.encoding.media_type(),
             sha256: view.sha256.clone(),
@@ -159,7 +161,7 @@ impl Rig for LocalRig {
         let view = recording.views().find(|v| v.file == file).ok_or_else(|| absent(id, "frame", file))?;
         let part = if of_grain { PreviewPart::Grain } else { PreviewPart::Whole };
         let made = self.previews.preview(&recording, view.view, part).map_err(|e| match e {
-            DaemonError::Session(e) => refused(&e),
+            DaemonError::Session(e) => damaged(id, "frame", file, &e),
             e => Refusal::new(RefusalKind::Failed, self.places.hidden(&e.to_string())),
         })?;
         let content = Content::Bytes(made.bytes.to_vec());
@@ -170,16 +172,9 @@ impl Rig for LocalRig {
         let recording = self.read(id)?;
         let product =
             recording.products().find(|p| p.file == file).ok_or_else(|| absent(id, "product", file))?;
-        let path = recording.product_path(&product.file).map_err(|e| refused(&e))?;
-        let damaged = |cause: String| {
-            let message = format!("product {file} of session {id} is damaged; run `grainrig verify {id}`");
-            Refusal::new(RefusalKind::Failed, message).with_detail(cause)
-        };
-        let opened = std::fs::File::open(&path).and_then(|file| Ok((file.metadata()?.len(), file)));
-        let (bytes, opened) = opened.map_err(|e| damaged(e.to_string()))?;
-        if bytes != product.bytes {
-            return Err(damaged(format!("it has {bytes} bytes, {} were written", product.bytes)));
-        }
+        let (opened, bytes) = recording
+            .product_file(&product.file, &self.hashes)
+            .map_err(|e| damaged(id, "product", file, &e))?;
         let content_type = media_type(&product.file);
         Ok(Download {
             content_type,
@@ -214,9 +209,21 @@ fn absent(id: &str, what: &str, file: &str) -> Refusal {
     )
 }
 
+/// What a client is told of a file that is not the one that was recorded; the cause stays in the log.
+fn damaged(id: &str, what: &str, file: &str, error: &SessionError) -> Refusal {
+    let heals = match what {
+        "product" => format!("`grainrig replay {id}` writes it again"),
+        _ => "restore it from a backup".to_owned(),
+    };
+    let message = format!("{what} {file} of session {id} is not as recorded, so it is not shown; {heals}");
+    Refusal::new(RefusalKind::Failed, message).with_detail(error)
+}
+
 /// A session's error for a client: places on the disk stay in the log.
 pub(super) fn refused(error: &SessionError) -> Refusal {
     match error {
+        // It names the product and what writes it again, and no place on the disk.
+        SessionError::Product { .. } => Refusal::new(RefusalKind::Failed, error.to_string()),
         SessionError::Name { .. } => Refusal::new(RefusalKind::Invalid, error.to_string()),
         SessionError::Exists { name, .. } => Refusal::new(
             RefusalKind::Invalid,

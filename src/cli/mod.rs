@@ -287,6 +287,8 @@ fn session_folder(common: &Common, given: &Path) -> Result<PathBuf> {
     match Store::new(&common.data).folder(given.to_str().unwrap_or("")) {
         Ok(folder) if folder.exists() || !given.join("manifest.json").is_file() => Ok(folder),
         Err(error) if !given.is_dir() => Err(error.into()),
+        // A link that a person names is that person's own; below it none is followed.
+        _ if given.is_symlink() => Ok(given.canonicalize()?),
         _ => Ok(given.to_owned()),
     }
 }

@@ -2,6 +2,7 @@
 
 use super::local_rig::LocalRig;
 use super::output::say;
+use super::signals::hangup_is_ignored;
 use super::{Common, usage};
 use crate::config::Config;
 use crate::server::{ServeOptions, check_bind, serve};
@@ -15,6 +16,9 @@ use tokio::signal::unix::{Signal, SignalKind, signal};
 
 /// How long a run that was told to stop may take: the view in hand, or what is left of a mesh.
 const END_LIMIT: Duration = Duration::from_secs(10);
+
+/// Files that may be open at once: all connections, and what is read for them.
+const OPEN_FILES: u64 = 4096;
 
 /// Options of `serve`.
 #[derive(Debug, Args)]
@@ -39,6 +43,7 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         })?,
     };
     check_bind(address, settings.token.as_deref()).map_err(usage)?;
+    more_files();
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
         .build()
@@ -47,6 +52,19 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     // What still reads a disk or waits for a rig does not hold up the end.
     runtime.shutdown_background();
     outcome
+}
+
+/// Asks for room for as many open files as connections and sessions may need, as far as the system's limit goes.
+fn more_files() {
+    use rustix::process::{Resource, getrlimit, setrlimit};
+    let mut limit = getrlimit(Resource::Nofile);
+    let most = limit.maximum.unwrap_or(OPEN_FILES).min(OPEN_FILES);
+    if limit.current.is_some_and(|now| now < most) {
+        limit.current = Some(most);
+        if let Err(error) = setrlimit(Resource::Nofile, limit) {
+            tracing::warn!(%error, "the limit of open files stays as it is");
+        }
+    }
 }
 
 async fn listen(common: &Common, config: Config, address: SocketAddr) -> Result<()> {
@@ -115,18 +133,28 @@ fn monitor(mut open: SocketAddr, has_token: bool) -> String {
     format!("http://{open}/{query}{elsewhere}")
 }
 
-/// Ctrl-C, and the system's wish that the program end.
+/// Ctrl-C, the system's wish that the program end, and a terminal that was closed.
 struct Signals {
     interrupt: Signal,
     terminate: Signal,
+    /// `None` where whoever started the program wants it to outlive its terminal (`nohup`).
+    hangup: Option<Signal>,
 }
 
 impl Signals {
     fn listen() -> std::io::Result<Self> {
-        Ok(Self { interrupt: signal(SignalKind::interrupt())?, terminate: signal(SignalKind::terminate())? })
+        let hangup = if hangup_is_ignored() { None } else { Some(signal(SignalKind::hangup())?) };
+        let (interrupt, terminate) = (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?);
+        Ok(Self { interrupt, terminate, hangup })
     }
 
     async fn next(&mut self) {
-        tokio::select! { _ = self.interrupt.recv() => {}, _ = self.terminate.recv() => {} }
+        let hung_up = async {
+            match &mut self.hangup {
+                Some(hangup) => hangup.recv().await,
+                None => std::future::pending().await,
+            }
+        };
+        tokio::select! { _ = self.interrupt.recv() => {}, _ = self.terminate.recv() => {}, _ = hung_up => {} }
     }
 }

@@ -11,6 +11,13 @@ use tokio::signal::unix::{SignalKind, signal};
 /// Exit code of a run that was stopped at once.
 const STOPPED: i32 = 1;
 
+/// Whether this program was started to outlive its terminal (`nohup`): a handler would undo that.
+pub(super) fn hangup_is_ignored() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_some_and(|mask| mask & 1 == 1)
+}
+
 fn runtime() -> std::io::Result<Runtime> {
     Builder::new_current_thread().enable_io().build()
 }
@@ -69,10 +76,16 @@ fn each_time(mut act: impl FnMut() + Send + 'static) {
         let _: std::io::Result<()> = runtime.block_on(async move {
             let mut interrupt = signal(SignalKind::interrupt())?;
             let mut terminate = signal(SignalKind::terminate())?;
-            let mut hangup = signal(SignalKind::hangup())?;
+            let mut hangup = if hangup_is_ignored() { None } else { Some(signal(SignalKind::hangup())?) };
             drop(listening);
             loop {
-                tokio::select! { _ = interrupt.recv() => {}, _ = terminate.recv() => {}, _ = hangup.recv() => {} }
+                let hung_up = async {
+                    match &mut hangup {
+                        Some(hangup) => hangup.recv().await,
+                        None => std::future::pending().await,
+                    }
+                };
+                tokio::select! { _ = interrupt.recv() => {}, _ = terminate.recv() => {}, _ = hung_up => {} }
                 act();
             }
         });

@@ -37,7 +37,12 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
             report.frames,
             report.planned,
             report.products,
-            report.records
+            report.records,
+            // Lines that were taken off a journal's end look as if the run had been killed there.
+            match report.state {
+                Some(State::Complete) => "",
+                _ => "; the session is not complete, `grainrig resume` goes on with it",
+            }
         ));
     }
     for fault in &report.faults {

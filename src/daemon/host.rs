@@ -15,7 +15,7 @@ use std::time::Duration;
 
 /// Runs one capture at a time on a thread of its own.
 pub struct Host {
-    data: PathBuf,
+    store: Store,
     config: Config,
     watcher: Watcher,
     job: Mutex<Option<Job>>,
@@ -61,12 +61,12 @@ impl Host {
     /// A host of sessions in `data`, captured as `config` says; `watcher` is told of every run's events.
     pub fn new(data: PathBuf, config: Config, watcher: Watcher) -> Self {
         let (job, examined) = (Mutex::new(None), Mutex::new(()));
-        Self { data, config, watcher, job, examined, closed: AtomicBool::new(false) }
+        Self { store: Store::new(data), config, watcher, job, examined, closed: AtomicBool::new(false) }
     }
 
     /// The sessions.
     pub fn store(&self) -> Store {
-        Store::new(&self.data)
+        self.store.clone()
     }
 
     fn job(&self) -> MutexGuard<'_, Option<Job>> {
@@ -97,17 +97,26 @@ impl Host {
         }
         *job = None;
         let config = self.config.with(overrides)?;
-        let begun = begin(&self.data, name, &config)?;
+        let begun = begin(self.store.data(), name, &config)?;
         let control = Control::attended();
         let told = Arc::new(AtomicBool::new(false));
         let (hang_up, thread) = channel();
-        let run =
-            Run { control: control.clone(), told: Arc::clone(&told), watcher: Arc::clone(&self.watcher) };
+        let (first_told, first) = channel();
+        let run = Run {
+            control: control.clone(),
+            told: Arc::clone(&told),
+            watcher: Arc::clone(&self.watcher),
+            first: Mutex::new(Some(first_told)),
+        };
         std::thread::Builder::new()
             .name("run".into())
             .spawn(move || run.carry_out(begun, hang_up))
             .map_err(|source| DaemonError::Thread { source })?;
         *job = Some(Job { session: name.to_owned(), control, told, thread });
+        drop(job);
+        // Whoever is told that there is a run finds it in the status, and not the end of the one before. Where the run ends
+        // without a word the sender is gone.
+        let _ = first.recv();
         Ok(name.to_owned())
     }
 
@@ -139,7 +148,7 @@ impl Host {
         if let Some(running) = self.job().as_ref().filter(|j| !j.is_over()) {
             return Err(HostError::Busy(running.session.clone()));
         }
-        Ok(doctor(&self.config, &self.data, &mut |_| {}))
+        Ok(doctor(&self.config, self.store.data(), &mut |_| {}))
     }
 
     /// Pauses the run before its next step.
@@ -213,12 +222,14 @@ struct Run {
     control: Control,
     told: Arc<AtomicBool>,
     watcher: Watcher,
+    /// Told once, after the watchers were told of the run's first event.
+    first: Mutex<Option<Sender<()>>>,
 }
 
 impl Run {
     /// Runs, and makes sure that the watchers are told of an end, whatever it is.
     fn carry_out(self, begun: Begun, hang_up: Sender<()>) {
-        let (told, tell) = (Arc::clone(&self.told), Arc::clone(&self.watcher));
+        let (told, tell, first) = (Arc::clone(&self.told), Arc::clone(&self.watcher), self.first);
         let watcher: Watcher = Arc::new(move |event: &Event| {
             let is_end = matches!(
                 event.what,
@@ -227,6 +238,11 @@ impl Run {
             // First, so that whoever is told may begin the next run.
             told.fetch_or(is_end, Ordering::Release);
             tell(event);
+            let began = first.lock().unwrap_or_else(PoisonError::into_inner).take();
+            if let Some(began) = began {
+                // Nobody may be waiting any more.
+                let _ = began.send(());
+            }
         });
         let ended = catch_unwind(AssertUnwindSafe(|| begun.run(None, &self.control, &watcher)));
         let error = match ended {

@@ -16,7 +16,7 @@ use crate::rig::simulated::TruthHandle;
 use crate::session::event::CapturedView;
 use crate::session::replay::replay as play;
 use crate::session::{
-    Manifest, Origin, PlannedView, Session, State, Store, check_space, required_bytes, write_whole,
+    Manifest, Origin, PlannedView, Session, State, Store, check_space, damage, required_bytes, write_whole,
 };
 use std::path::Path;
 use std::sync::mpsc::{SyncSender, sync_channel};
@@ -159,6 +159,11 @@ pub fn resume(
     finish::end(&mut session)?;
     let recording = session.recording();
     let manifest = recording.manifest();
+    // Before anything is said or done: a session whose evidence is lost is neither complete nor to be gone on with.
+    let faults = damage(recording, recording.state() == State::Complete);
+    if !faults.is_empty() {
+        return Err(DaemonError::Damaged { session: manifest.name.clone(), faults });
+    }
     if let (State::Complete, Some(result)) = (recording.state(), recording.result()) {
         let lost = recording.changed_products();
         if !lost.is_empty() {

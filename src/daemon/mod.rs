@@ -39,13 +39,22 @@ use crate::contact::ContactError;
 use crate::export::ExportError;
 use crate::pipeline::PipelineError;
 use crate::rig::RigError;
-use crate::session::SessionError;
 use crate::session::event::Event;
+use crate::session::{Fault, SessionError};
 use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Told of every event of a job, in order. Called while the session is held: it must not block.
 pub type Watcher = Arc<dyn Fn(&Event) + Send + Sync>;
+
+/// The first few faults, each with its remedy.
+fn told(faults: &[Fault]) -> String {
+    let mut text = faults.iter().take(3).map(ToString::to_string).collect::<Vec<_>>().join("; ");
+    if faults.len() > 3 {
+        text.push_str(&format!("; and {} more, which `grainrig verify` names", faults.len() - 3));
+    }
+    text
+}
 
 /// Why a job did not end with a result. What was captured stays.
 #[derive(Debug, thiserror::Error)]
@@ -56,6 +65,14 @@ pub enum DaemonError {
     /// The session on the disk.
     #[error(transparent)]
     Session(#[from] SessionError),
+    /// A session whose recorded files are not as recorded.
+    #[error("session {session} is damaged: {}", told(faults))]
+    Damaged {
+        /// The session's name.
+        session: String,
+        /// What is wrong.
+        faults: Vec<Fault>,
+    },
     /// The capture.
     #[error(transparent)]
     Acquire(#[from] AcquireError),

@@ -2,6 +2,7 @@
 
 use super::DaemonError;
 use crate::calibrate::{How, Measured, Parts};
+use crate::session::read_named;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -91,6 +92,9 @@ pub struct GivenScale {
     pub picture_px: Option<[u32; 2]>,
 }
 
+/// Longest file, bytes; this program writes a few hundred.
+const FILE_LIMIT: u64 = 1 << 20;
+
 impl ScaleFile {
     /// The marks of a file of this form.
     pub(super) fn marks() -> (String, u32) {
@@ -104,7 +108,7 @@ impl ScaleFile {
     /// sense.
     pub fn read(path: &Path) -> Result<Self, DaemonError> {
         let bad = |reason: String| DaemonError::Calibration { path: path.into(), reason };
-        let text = std::fs::read(path).map_err(|e| bad(e.to_string()))?;
+        let text = read_named(path, FILE_LIMIT).map_err(|e| bad(e.to_string()))?;
         let value: serde_json::Value =
             serde_json::from_slice(&text).map_err(|e| bad(format!("it is no JSON ({e})")))?;
         if value["kind"] != KIND {

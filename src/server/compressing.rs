@@ -11,7 +11,7 @@ use utoipa::ToSchema;
 
 use super::error::{ErrorBody, ServerError};
 use super::routes::{App, FILE_NAME_LIMIT, SESSION_NAME_LIMIT, check_name, on_rig};
-use super::{Download, Refusal};
+use super::{Download, Refusal, schemas};
 use crate::contact::CurvePoint;
 use crate::daemon::CompressRequest;
 use crate::session::event::{CompressionNews, CompressionState};
@@ -88,7 +88,7 @@ pub struct CompressionStatus {
     /// Contacts between grain and plates.
     pub contacts: usize,
     /// Force against the approach of the plates, so far: objects with `approach_mm` and `force_n`.
-    #[schema(value_type = Vec<Object>)]
+    #[schema(value_type = Vec<schemas::ForcePoint>)]
     pub curve: Vec<CurvePoint>,
     /// Why it failed.
     pub error: Option<String>,
@@ -128,13 +128,14 @@ pub(super) fn routes() -> Router<App> {
 }
 
 /// Begins to compress a complete session's grain between two plates, beside whatever the rig does.
-#[utoipa::path(post, path = "/api/v1/sessions/{id}/compressions", tag = "compressions",
+#[utoipa::path(post, path = "/api/v1/sessions/{id}/compressions", operation_id = "start_compression", tag = "compressions",
     params(("id" = String, Path, description = "Name of the session")),
     request_body = CompressRequest, responses(
     (status = 201, description = "The compression has begun", body = CompressionStarted,
      headers(("location" = String, description = "The compression"))),
     (status = 400, description = "The request makes no sense, or the session has no grain", body = ErrorBody),
-    (status = 401, description = "No token", body = ErrorBody),
+    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
+    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 403, description = "Sent by another site's page", body = ErrorBody),
     (status = 404, description = "No such session", body = ErrorBody),
     (status = 409, description = "Another compression goes on", body = ErrorBody),
@@ -159,9 +160,10 @@ pub(super) async fn start(
 }
 
 /// Stops the compression; what is computed stays, and it can go on.
-#[utoipa::path(post, path = "/api/v1/compressions/current/cancel", tag = "compressions", responses(
+#[utoipa::path(post, path = "/api/v1/compressions/current/cancel", operation_id = "cancel_compression", tag = "compressions", responses(
     (status = 204, description = "The compression will stop"),
-    (status = 401, description = "No token", body = ErrorBody),
+    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
+    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 403, description = "Sent by another site's page", body = ErrorBody),
     (status = 409, description = "There is no compression", body = ErrorBody),
 ))]
@@ -170,12 +172,14 @@ pub(super) async fn cancel(State(app): State<App>) -> Result<StatusCode, ServerE
 }
 
 /// Goes on with a compression that was cancelled or interrupted, from its last checkpoint.
-#[utoipa::path(post, path = "/api/v1/sessions/{id}/compressions/{name}/resume", tag = "compressions",
+#[utoipa::path(post, path = "/api/v1/sessions/{id}/compressions/{name}/resume", operation_id = "resume_compression",
+    tag = "compressions",
     params(("id" = String, Path, description = "Name of the session"),
            ("name" = String, Path, description = "Name of the compression")), responses(
     (status = 204, description = "The compression goes on"),
     (status = 400, description = "Not a name", body = ErrorBody),
-    (status = 401, description = "No token", body = ErrorBody),
+    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
+    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 403, description = "Sent by another site's page", body = ErrorBody),
     (status = 404, description = "No such compression", body = ErrorBody),
     (status = 409, description = "It is complete, or another one goes on", body = ErrorBody),
@@ -189,11 +193,12 @@ pub(super) async fn resume(
 }
 
 /// The compressions of a session.
-#[utoipa::path(get, path = "/api/v1/sessions/{id}/compressions", tag = "compressions",
+#[utoipa::path(get, path = "/api/v1/sessions/{id}/compressions", operation_id = "compressions", tag = "compressions",
     params(("id" = String, Path, description = "Name of the session")), responses(
-    (status = 200, description = "The compressions", body = Vec<Object>),
+    (status = 200, description = "The compressions", body = Vec<schemas::CompressionLine>),
     (status = 400, description = "Not a name", body = ErrorBody),
-    (status = 401, description = "No token", body = ErrorBody),
+    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
+    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 404, description = "No such session", body = ErrorBody),
 ))]
 pub(super) async fn list(
@@ -206,12 +211,13 @@ pub(super) async fn list(
 }
 
 /// One compression: how it stands, what was asked, its files and its result.
-#[utoipa::path(get, path = "/api/v1/sessions/{id}/compressions/{name}", tag = "compressions",
+#[utoipa::path(get, path = "/api/v1/sessions/{id}/compressions/{name}", operation_id = "compression", tag = "compressions",
     params(("id" = String, Path, description = "Name of the session"),
            ("name" = String, Path, description = "Name of the compression")), responses(
-    (status = 200, description = "The compression", body = Object),
+    (status = 200, description = "The compression", body = schemas::CompressionDetails),
     (status = 400, description = "Not a name", body = ErrorBody),
-    (status = 401, description = "No token", body = ErrorBody),
+    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
+    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 404, description = "No such compression", body = ErrorBody),
 ))]
 pub(super) async fn one(
@@ -223,16 +229,18 @@ pub(super) async fn one(
 }
 
 /// A file of a compression: its curve, a cut with the stresses, a mesh, a deck.
-#[utoipa::path(get, path = "/api/v1/sessions/{id}/compressions/{name}/files/{file}", tag = "compressions",
+#[utoipa::path(get, path = "/api/v1/sessions/{id}/compressions/{name}/files/{file}",
+    operation_id = "compression_file", tag = "compressions",
     params(("id" = String, Path, description = "Name of the session"),
            ("name" = String, Path, description = "Name of the compression"),
            ("file" = String, Path, description = "Name of the file")), responses(
     (status = 200, description = "The file",
      headers(("etag" = String, description = "SHA-256 of the file")),
-     content_type = "application/octet-stream", body = Vec<u8>),
+     content_type = "application/octet-stream", body = schemas::FileBytes),
     (status = 304, description = "The client has it already"),
     (status = 400, description = "Not a name", body = ErrorBody),
-    (status = 401, description = "No token", body = ErrorBody),
+    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
+    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 404, description = "No such compression or file", body = ErrorBody),
 ))]
 pub(super) async fn file(

@@ -1,4 +1,4 @@
-//! Connections that cannot be held: how many there are at once, and how long one may do nothing.
+//! Connections that cannot be held: how long one may do nothing. How many there are at once is `places.rs`.
 
 use std::io;
 use std::net::SocketAddr;
@@ -7,13 +7,17 @@ use std::sync::Arc;
 use std::task::{Context, Poll, ready};
 use std::time::Duration;
 
+use axum::extract::connect_info::Connected;
+use axum::serve::IncomingStream;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::sync::oneshot;
 use tokio::time::{Instant, Sleep};
 
-/// Connections at once; further ones wait in the kernel's queue. A browser opens at most six.
-const MAX_CONNECTIONS: usize = 128;
+use super::places::{Places, Seat, Ticket};
+
+/// How long the head of a request may take from its first byte: a browser sends it at once.
+const HEAD_LIMIT: Duration = Duration::from_secs(5);
 /// How much of an unwanted body is thrown away after the answer, so that the client gets to read the
 /// answer rather than a reset connection.
 const LINGER_BYTES: usize = 1 << 20;
@@ -23,13 +27,13 @@ const LINGER: Duration = Duration::from_secs(1);
 /// A listener that hands out [`Connection`]s.
 pub(super) struct Doorkeeper {
     listener: TcpListener,
-    slots: Arc<Semaphore>,
+    places: Arc<Places>,
     idle_limit: Duration,
 }
 
 impl Doorkeeper {
     pub(super) fn new(listener: TcpListener, idle_limit: Duration) -> Self {
-        Self { listener, slots: Arc::new(Semaphore::new(MAX_CONNECTIONS)), idle_limit }
+        Self { listener, places: Places::new(), idle_limit }
     }
 }
 
@@ -38,10 +42,9 @@ impl axum::serve::Listener for Doorkeeper {
     type Addr = SocketAddr;
 
     async fn accept(&mut self) -> (Connection, SocketAddr) {
-        // The semaphore is never closed; without a permit the connection would only be uncounted.
-        let slot = Arc::clone(&self.slots).acquire_owned().await.ok();
         let (stream, address) = axum::serve::Listener::accept(&mut self.listener).await;
-        (Connection::new(stream, self.idle_limit, slot), address)
+        let (seat, dismissed) = self.places.seat(address.ip());
+        (Connection::new(stream, self.idle_limit, seat, dismissed), address)
     }
 
     fn local_addr(&self) -> io::Result<SocketAddr> {
@@ -49,11 +52,18 @@ impl axum::serve::Listener for Doorkeeper {
     }
 }
 
+impl Connected<IncomingStream<'_, Doorkeeper>> for Ticket {
+    fn connect_info(stream: IncomingStream<'_, Doorkeeper>) -> Self {
+        stream.io().seat.ticket().clone()
+    }
+}
+
 /// A connection that ends when nothing could be written to it for the idle limit.
 ///
 /// One rule covers every way of holding a connection. A head or a body that trickles in never gets an
 /// answer written; an idle connection has none to write; a client that does not read stops our writing.
-/// The event stream writes a comment twice in the limit, so it stays.
+/// The event stream writes a comment twice in the limit, so it stays. A head has less time than that, and a connection
+/// that must make room for others leaves at once.
 pub(super) struct Connection {
     stream: TcpStream,
     idle_limit: Duration,
@@ -62,13 +72,23 @@ pub(super) struct Connection {
     between_requests: bool,
     /// Bytes thrown away since our side was closed; `None` while it is open.
     lingering: Option<usize>,
-    _slot: Option<OwnedSemaphorePermit>,
+    /// When the request began that is being read or answered.
+    began: Instant,
+    seat: Seat,
+    dismissed: oneshot::Receiver<()>,
 }
 
 impl Connection {
-    fn new(stream: TcpStream, idle_limit: Duration, slot: Option<OwnedSemaphorePermit>) -> Self {
+    fn new(stream: TcpStream, idle_limit: Duration, seat: Seat, dismissed: oneshot::Receiver<()>) -> Self {
         let deadline = Box::pin(tokio::time::sleep(idle_limit));
-        Self { stream, idle_limit, deadline, between_requests: true, lingering: None, _slot: slot }
+        let began = Instant::now();
+        Self { stream, idle_limit, deadline, between_requests: true, lingering: None, began, seat, dismissed }
+    }
+
+    /// Whether this connection must make room; the caller is woken when it must.
+    fn is_dismissed(&mut self, context: &mut Context<'_>) -> bool {
+        // The sender is kept with the place, so that an end without a word is the same as a word.
+        Pin::new(&mut self.dismissed).poll(context).is_ready()
     }
 
     fn wrote(
@@ -79,6 +99,7 @@ impl Connection {
         match result {
             Poll::Ready(result) => {
                 self.between_requests = true;
+                self.seat.ticket().wrote();
                 self.restart_deadline();
                 Poll::Ready(result)
             }
@@ -91,7 +112,16 @@ impl Connection {
     }
 
     fn wait_for_deadline<T>(&mut self, context: &mut Context<'_>) -> Poll<io::Result<T>> {
+        if self.is_dismissed(context) {
+            return Poll::Ready(Err(io::ErrorKind::ConnectionAborted.into()));
+        }
         ready!(self.deadline.as_mut().poll(context));
+        // The head came in time: the rest of the request and its answer have the whole limit.
+        let whole = self.began + self.idle_limit;
+        if !self.between_requests && self.seat.ticket().is_asking() && Instant::now() < whole {
+            self.deadline.as_mut().reset(whole);
+            ready!(self.deadline.as_mut().poll(context));
+        }
         Poll::Ready(Err(io::ErrorKind::TimedOut.into()))
     }
 }
@@ -106,7 +136,10 @@ impl AsyncRead for Connection {
             Poll::Pending => self.wait_for_deadline(context),
             ready @ Poll::Ready(_) => {
                 if std::mem::take(&mut self.between_requests) {
-                    self.restart_deadline();
+                    self.began = Instant::now();
+                    let limit = HEAD_LIMIT.min(self.idle_limit);
+                    let end = self.began + limit;
+                    self.deadline.as_mut().reset(end);
                 }
                 ready
             }

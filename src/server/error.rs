@@ -83,6 +83,14 @@ pub enum ServerError {
     /// The request does not show the token.
     #[error("this daemon asks for a token; open the page as `/?token=…` or send `Authorization: Bearer …`")]
     Unauthorised,
+    /// Too many wrong tokens came from where this request comes from.
+    #[error(
+        "too many wrong tokens came from this address; try again in {seconds} s, with the token that the daemon was given"
+    )]
+    TooManyGuesses {
+        /// When to try again.
+        seconds: u64,
+    },
     /// The `Host` header names a machine that this daemon does not answer for.
     #[error(
         "this daemon does not answer for host `{host}`; open it by its address, or allow that name in the \
@@ -147,7 +155,7 @@ pub struct ErrorBody {
 /// The error's kind and text.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct ErrorText {
-    /// `invalid`, `unauthorised`, `forbidden`, `not_found`, `method`, `busy`, `too_large`, `not_json`,
+    /// `invalid`, `unauthorised`, `slow_down`, `forbidden`, `not_found`, `method`, `busy`, `too_large`, `not_json`,
     /// `foreign_host`, `disk` or `failed`.
     pub kind: &'static str,
     /// What is wrong, with value, limit and remedy.
@@ -159,6 +167,7 @@ impl ServerError {
         match self {
             Self::Malformed { .. } | Self::BadName { .. } => (StatusCode::BAD_REQUEST, "invalid"),
             Self::Unauthorised => (StatusCode::UNAUTHORIZED, "unauthorised"),
+            Self::TooManyGuesses { .. } => (StatusCode::TOO_MANY_REQUESTS, "slow_down"),
             Self::ForeignOrigin { .. } => (StatusCode::FORBIDDEN, "forbidden"),
             Self::NoRoute => (StatusCode::NOT_FOUND, "not_found"),
             Self::WrongMethod => (StatusCode::METHOD_NOT_ALLOWED, "method"),
@@ -196,9 +205,16 @@ impl IntoResponse for ServerError {
         } else {
             tracing::info!(kind, %message, detail = self.detail(), "request refused");
         }
+        let wait = match &self {
+            Self::TooManyGuesses { seconds } => Some(*seconds),
+            _ => None,
+        };
         let mut response = (status, Json(ErrorBody { error: ErrorText { kind, message } })).into_response();
         if status == StatusCode::UNAUTHORIZED {
             response.headers_mut().insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
+        }
+        if let Some(seconds) = wait {
+            response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(seconds));
         }
         response
     }

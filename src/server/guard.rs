@@ -6,7 +6,7 @@
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 
-use axum::extract::{Request, State};
+use axum::extract::{ConnectInfo, Request, State};
 use axum::http::{HeaderMap, HeaderValue, Method, Uri, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Redirect, Response};
@@ -14,12 +14,14 @@ use sha2::{Digest, Sha256};
 use subtle::ConstantTimeEq;
 
 use super::error::ServerError;
+use super::guesses::Guesses;
+use super::places::Ticket;
 use super::routes::BODY_LIMIT_BYTES;
 
 /// Characters a token has at least: 64 bits, where they are hexadecimal.
 pub const MIN_TOKEN_LENGTH: usize = 16;
 /// The cookie that stands for the token once the page was opened with it.
-const COOKIE: &str = "grainrig_token";
+pub(super) const COOKIE: &str = "grainrig_token";
 /// What the page and the API may load: their own, and nothing runs that is not a file of ours.
 const PAGE_POLICY: &str =
     "default-src 'self'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'; object-src 'none'";
@@ -52,6 +54,7 @@ pub(super) struct Guard {
     allowed_hosts: Vec<String>,
     /// Listening off loopback: any literal address is a right `Host`, since only a name can be rebound.
     any_address: bool,
+    guesses: Guesses,
 }
 
 /// Digests of the token, so that comparing takes as long for any guess of any length.
@@ -68,7 +71,8 @@ impl Guard {
             cookie: crate::session::sha256_hex(format!("grainrig cookie {token}").as_bytes()),
         });
         let allowed_hosts = allowed_hosts.iter().map(|host| host.to_ascii_lowercase()).collect();
-        Self { token, allowed_hosts, any_address: !address.ip().to_canonical().is_loopback() }
+        let any_address = !address.ip().to_canonical().is_loopback();
+        Self { token, allowed_hosts, any_address, guesses: Guesses::default() }
     }
 
     /// The host the request is for, if it is us.
@@ -137,6 +141,32 @@ impl Guard {
     }
 }
 
+impl Guard {
+    /// As [`Self::check_token`]; wrong tokens use up what an address may try. From then on it is told to wait before its
+    /// token is looked at, except on a connection that showed the right one, and except on loopback, where one address is
+    /// everybody's and a neighbour's guesses must not keep the operator out: there only wrong tokens are told to wait.
+    fn check_guess(&self, ticket: &Ticket, request: &Request) -> Result<(), ServerError> {
+        let (bearer, headers) = (header::AUTHORIZATION, request.headers());
+        let guesses = headers.contains_key(bearer)
+            || headers.get_all(header::COOKIE).iter().any(|c| c.to_str().is_ok_and(|c| c.contains(COOKIE)))
+            || query_token(request.uri()).is_some();
+        if self.token.is_none() || !guesses {
+            return self.check_token(request);
+        }
+        let too_many = |seconds| ServerError::TooManyGuesses { seconds };
+        if !ticket.address().is_loopback()
+            && !ticket.is_known()
+            && let Some(seconds) = self.guesses.are_spent(ticket)
+        {
+            return Err(too_many(seconds));
+        }
+        match self.check_token(request) {
+            Ok(()) => Ok(()),
+            Err(wrong) => Err(self.guesses.spend(ticket).map_or(wrong, too_many)),
+        }
+    }
+}
+
 impl Token {
     fn is(&self, guess: &str) -> bool {
         Sha256::digest(guess).as_slice().ct_eq(&self.digest).into()
@@ -144,10 +174,22 @@ impl Token {
 }
 
 /// The middleware: lets a request through to the routes, or answers it.
-pub(super) async fn guard(State(app): State<super::routes::App>, request: Request, next: Next) -> Response {
+pub(super) async fn guard(
+    State(app): State<super::routes::App>,
+    ConnectInfo(ticket): ConnectInfo<Ticket>,
+    request: Request,
+    next: Next,
+) -> Response {
+    ticket.asks();
     let page = !request.uri().path().starts_with("/api/");
-    let mut response = match admit(&app.guard, &request, page) {
-        Ok(None) => next.run(request).await,
+    let mut response = match admit(&app.guard, &ticket, &request, page) {
+        Ok(None) => {
+            let response = next.run(request).await;
+            if response.status().is_success() {
+                ticket.was_answered(!page && app.guard.token.is_some());
+            }
+            response
+        }
         Ok(Some(answer)) => answer,
         Err(error) => error.into_response(),
     };
@@ -163,14 +205,29 @@ pub(super) async fn guard(State(app): State<super::routes::App>, request: Reques
 }
 
 /// Lets the request in (`None`), or answers it without any route.
-fn admit(guard: &Guard, request: &Request, page: bool) -> Result<Option<Response>, ServerError> {
+fn admit(
+    guard: &Guard,
+    ticket: &Ticket,
+    request: &Request,
+    page: bool,
+) -> Result<Option<Response>, ServerError> {
     let headers = request.headers();
     let host = guard.check_host(request.uri(), headers)?;
     guard.check_origin(&host, headers)?;
     if page {
-        return Ok(guard.admit_by_link(request));
+        // A token in the page's address is a guess like others.
+        let guesses = guard.token.is_some() && query_token(request.uri()).is_some();
+        if guesses && guard.guesses.are_spent(ticket).is_some() && !ticket.address().is_loopback() {
+            return Ok(None);
+        }
+        let admitted = guard.admit_by_link(request);
+        if guesses && admitted.is_none() {
+            // The page holds no secret and is shown; that it was opened with a wrong token counts.
+            let _ = guard.guesses.spend(ticket);
+        }
+        return Ok(admitted);
     }
-    guard.check_token(request)?;
+    guard.check_guess(ticket, request)?;
     let length = headers.get(header::CONTENT_LENGTH).and_then(|value| value.to_str().ok());
     let length = length.map_or(Some(0), |length| length.parse::<usize>().ok());
     if length.is_none_or(|length| length > BODY_LIMIT_BYTES) {

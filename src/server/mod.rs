@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!  connection ─▶ guard ─▶ routes ─▶ Rig (the daemon)
-//!   slots,        Host,     │  ▲
+//!   places,       Host,     │  ▲
 //!   idle limit    Origin,   │  └── refusal → error: kind and message out, detail to the log
 //!                 token     └────▶ feed ─▶ server-sent events
 //! ```
@@ -17,8 +17,11 @@ mod download;
 mod error;
 mod feed;
 mod guard;
+mod guesses;
 mod openapi;
+mod places;
 mod routes;
+mod schemas;
 mod status;
 mod stream;
 
@@ -129,10 +132,13 @@ pub trait Rig: Compressions {
 
 /// A run to begin.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize, ToSchema)]
+#[schema(example = json!({ "session": "leighton-buzzard-07", "plan": { "views": 25 } }))]
 pub struct RunRequest {
-    /// Name of the session: 1 to 64 bytes, no slash or control character, not beginning with a dot.
-    #[schema(example = "leighton-buzzard-07")]
-    pub name: String,
+    /// Name of the session: 1 to 64 letters, digits, `.`, `_` or `-`, beginning with a letter or a digit, without `..`;
+    /// `name` is understood as well.
+    #[serde(alias = "name")]
+    #[schema(min_length = 1, max_length = 64, pattern = "^[A-Za-z0-9][A-Za-z0-9._-]*$")]
+    pub session: String,
     /// Settings that differ from the daemon's configuration for this run, by their name in it. The rig
     /// refuses those it does not know.
     #[serde(flatten)]
@@ -191,7 +197,9 @@ pub async fn serve(
         // An error means that the sender is gone, and with it this server.
         let _ = stopping.wait_for(|stopping| *stopping).await;
     };
-    let server = axum::serve(doorkeeper, routes::router(app)).with_graceful_shutdown(stopped);
+    let server =
+        axum::serve(doorkeeper, routes::router(app).into_make_service_with_connect_info::<places::Ticket>())
+            .with_graceful_shutdown(stopped);
     let mut server = pin!(server.into_future());
     tokio::select! {
         ended = &mut server => return ended,

@@ -18,7 +18,7 @@ use utoipa::{IntoParams, ToSchema};
 use super::error::{ErrorBody, ServerError};
 use super::guard::{self, Guard, shortened};
 use super::status::Status;
-use super::{Download, Refusal, Rig, RunRequest, RunStarted, assets, compressing, openapi, stream};
+use super::{Download, Refusal, Rig, RunRequest, RunStarted, assets, compressing, openapi, schemas, stream};
 
 /// Largest body that is read.
 pub(super) const BODY_LIMIT_BYTES: usize = 64 * 1024;
@@ -73,18 +73,20 @@ pub(super) fn router(app: App) -> Router {
 /// Where the run stands.
 #[utoipa::path(get, path = "/api/v1/status", tag = "run", responses(
     (status = 200, description = "Where the run stands", body = Status),
-    (status = 401, description = "No token", body = ErrorBody),
+    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
+    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
 ))]
 pub(super) async fn status(State(app): State<App>) -> Result<Json<serde_json::Value>, ServerError> {
     on_rig(&app, |rig| Ok(rig.status())).await
 }
 
 /// Starts a run.
-#[utoipa::path(post, path = "/api/v1/runs", tag = "run", request_body = RunRequest, responses(
+#[utoipa::path(post, path = "/api/v1/runs", operation_id = "start_run", tag = "run", request_body = RunRequest, responses(
     (status = 201, description = "The run has begun", body = RunStarted,
      headers(("location" = String, description = "The session"))),
     (status = 400, description = "The request makes no sense", body = ErrorBody),
-    (status = 401, description = "No token", body = ErrorBody),
+    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
+    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 403, description = "Sent by another site's page", body = ErrorBody),
     (status = 409, description = "The rig is busy", body = ErrorBody),
     (status = 413, description = "The body is too large", body = ErrorBody),
@@ -96,7 +98,7 @@ pub(super) async fn start(
     request: Result<Json<RunRequest>, JsonRejection>,
 ) -> Result<Response, ServerError> {
     let Json(request) = request?;
-    check_name("session", &request.name, SESSION_NAME_LIMIT)?;
+    check_name("session", &request.session, SESSION_NAME_LIMIT)?;
     let Json(started) = on_rig(&app, |rig| rig.start(request)).await?;
     let location = format!("/api/v1/sessions/{}", started.session);
     let mut response = (StatusCode::CREATED, Json(started)).into_response();
@@ -107,9 +109,10 @@ pub(super) async fn start(
 }
 
 /// Pauses the run after the view being taken.
-#[utoipa::path(post, path = "/api/v1/runs/current/pause", tag = "run", responses(
+#[utoipa::path(post, path = "/api/v1/runs/current/pause", operation_id = "pause_run", tag = "run", responses(
     (status = 204, description = "The run will pause"),
-    (status = 401, description = "No token", body = ErrorBody),
+    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
+    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 403, description = "Sent by another site's page", body = ErrorBody),
     (status = 409, description = "There is nothing to pause", body = ErrorBody),
 ))]
@@ -118,9 +121,10 @@ pub(super) async fn pause(State(app): State<App>) -> Result<StatusCode, ServerEr
 }
 
 /// Lets a paused run go on.
-#[utoipa::path(post, path = "/api/v1/runs/current/resume", tag = "run", responses(
+#[utoipa::path(post, path = "/api/v1/runs/current/resume", operation_id = "resume_run", tag = "run", responses(
     (status = 204, description = "The run goes on"),
-    (status = 401, description = "No token", body = ErrorBody),
+    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
+    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 403, description = "Sent by another site's page", body = ErrorBody),
     (status = 409, description = "No run is paused", body = ErrorBody),
 ))]
@@ -129,9 +133,10 @@ pub(super) async fn resume(State(app): State<App>) -> Result<StatusCode, ServerE
 }
 
 /// Stops the run; what was captured stays.
-#[utoipa::path(post, path = "/api/v1/runs/current/abort", tag = "run", responses(
+#[utoipa::path(post, path = "/api/v1/runs/current/abort", operation_id = "abort_run", tag = "run", responses(
     (status = 204, description = "The run will stop"),
-    (status = 401, description = "No token", body = ErrorBody),
+    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
+    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 403, description = "Sent by another site's page", body = ErrorBody),
     (status = 409, description = "There is no run", body = ErrorBody),
 ))]
@@ -141,8 +146,9 @@ pub(super) async fn abort(State(app): State<App>) -> Result<StatusCode, ServerEr
 
 /// The devices that are there; none is opened.
 #[utoipa::path(get, path = "/api/v1/devices", tag = "rig", responses(
-    (status = 200, description = "The devices", body = Vec<Object>),
-    (status = 401, description = "No token", body = ErrorBody),
+    (status = 200, description = "The devices", body = Vec<schemas::Device>),
+    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
+    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
 ))]
 pub(super) async fn devices(State(app): State<App>) -> Result<Json<serde_json::Value>, ServerError> {
     on_rig(&app, Rig::devices).await
@@ -150,8 +156,9 @@ pub(super) async fn devices(State(app): State<App>) -> Result<Json<serde_json::V
 
 /// Looks at everything that a run needs: the stage makes a step and comes back, the camera takes a picture.
 #[utoipa::path(post, path = "/api/v1/doctor", tag = "rig", responses(
-    (status = 200, description = "What was found", body = Vec<Object>),
-    (status = 401, description = "No token", body = ErrorBody),
+    (status = 200, description = "What was found", body = Vec<schemas::CheckFinding>),
+    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
+    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 403, description = "Sent by another site's page", body = ErrorBody),
     (status = 409, description = "The rig is busy", body = ErrorBody),
 ))]
@@ -161,8 +168,9 @@ pub(super) async fn doctor(State(app): State<App>) -> Result<Json<serde_json::Va
 
 /// The sessions in the data folder.
 #[utoipa::path(get, path = "/api/v1/sessions", tag = "sessions", responses(
-    (status = 200, description = "The sessions", body = Vec<Object>),
-    (status = 401, description = "No token", body = ErrorBody),
+    (status = 200, description = "The sessions", body = Vec<schemas::SessionLine>),
+    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
+    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
 ))]
 pub(super) async fn sessions(State(app): State<App>) -> Result<Json<serde_json::Value>, ServerError> {
     on_rig(&app, Rig::sessions).await
@@ -171,9 +179,10 @@ pub(super) async fn sessions(State(app): State<App>) -> Result<Json<serde_json::
 /// One session: its manifest, its frames and its products.
 #[utoipa::path(get, path = "/api/v1/sessions/{id}", tag = "sessions",
     params(("id" = String, Path, description = "Name of the session")), responses(
-    (status = 200, description = "The session", body = Object),
+    (status = 200, description = "The session", body = schemas::SessionDetails),
     (status = 400, description = "Not a name", body = ErrorBody),
-    (status = 401, description = "No token", body = ErrorBody),
+    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
+    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 404, description = "No such session", body = ErrorBody),
 ))]
 pub(super) async fn session(
@@ -191,11 +200,13 @@ pub(super) async fn session(
            ("file" = String, Path, description = "Name of the frame")), responses(
     (status = 200, description = "The picture",
      headers(("etag" = String, description = "SHA-256 of the file")),
-     content_type = "image/*", body = Vec<u8>),
+     content_type = "image/*", body = schemas::FileBytes),
     (status = 304, description = "The client has it already"),
     (status = 400, description = "Not a name", body = ErrorBody),
-    (status = 401, description = "No token", body = ErrorBody),
+    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
+    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 404, description = "No such session or frame", body = ErrorBody),
+    (status = 500, description = "The file is not the one that was recorded", body = ErrorBody),
 ))]
 pub(super) async fn frame(
     State(app): State<App>,
@@ -231,11 +242,13 @@ pub(super) struct Of {
            ("file" = String, Path, description = "Name of the frame"), Of), responses(
     (status = 200, description = "The preview",
      headers(("etag" = String, description = "SHA-256 of the preview")),
-     content_type = "image/jpeg", body = Vec<u8>),
+     content_type = "image/jpeg", body = schemas::FileBytes),
     (status = 304, description = "The client has it already"),
     (status = 400, description = "Not a name, or `part` is neither", body = ErrorBody),
-    (status = 401, description = "No token", body = ErrorBody),
+    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
+    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 404, description = "No such session or frame", body = ErrorBody),
+    (status = 500, description = "The file is not the one that was recorded", body = ErrorBody),
 ))]
 pub(super) async fn preview(
     State(app): State<App>,
@@ -254,11 +267,13 @@ pub(super) async fn preview(
            ("file" = String, Path, description = "Name of the product")), responses(
     (status = 200, description = "The product",
      headers(("etag" = String, description = "SHA-256 of the file")),
-     content_type = "application/octet-stream", body = Vec<u8>),
+     content_type = "application/octet-stream", body = schemas::FileBytes),
     (status = 304, description = "The client has it already"),
     (status = 400, description = "Not a name", body = ErrorBody),
-    (status = 401, description = "No token", body = ErrorBody),
+    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
+    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 404, description = "No such session or product", body = ErrorBody),
+    (status = 500, description = "The file is not the one that was recorded", body = ErrorBody),
 ))]
 pub(super) async fn product(
     State(app): State<App>,

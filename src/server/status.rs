@@ -15,6 +15,7 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::compressing::CompressionStatus;
+use super::schemas::GrainResult;
 use crate::session::event::Happening;
 use crate::silhouette::Verdict;
 
@@ -115,6 +116,7 @@ pub struct Status {
     /// File names of the products: `sessions/{session}/products/{file}`.
     pub products: Vec<String>,
     /// What `result.json` holds, at the end.
+    #[schema(value_type = Option<GrainResult>)]
     pub result: Option<serde_json::Value>,
     /// Why the run failed or is suspended: value, limit, remedy.
     pub error: Option<String>,

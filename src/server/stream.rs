@@ -1,10 +1,11 @@
 //! The event stream: what happens, to one client, as server-sent events.
 
 use std::convert::Infallible;
+use std::pin::pin;
 use std::time::Duration;
 
 use axum::extract::rejection::QueryRejection;
-use axum::extract::{Query, State};
+use axum::extract::{ConnectInfo, Query, State};
 use axum::http::HeaderMap;
 use axum::response::sse::{self, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
@@ -16,11 +17,14 @@ use utoipa::IntoParams;
 use super::error::{ErrorBody, ServerError};
 use super::feed::{Snapshot, Subscription};
 use super::openapi;
+use super::places::Ticket;
 use super::routes::App;
 use crate::session::event::Event;
 
 /// Events on their way to one client; the others wait in the feed.
 const IN_FLIGHT: usize = 16;
+/// How long one stream may last: a peer that died without a word is let go of then; a browser comes back and misses nothing.
+const LONGEST: Duration = Duration::from_secs(600);
 /// How soon a browser comes back after a lost connection.
 const RETRY: Duration = Duration::from_secs(1);
 
@@ -37,17 +41,20 @@ pub(super) struct After {
 /// `id` is the event's number, `event` its kind, `data` the [`Event`](openapi::StreamedEvent) as JSON. A
 /// client that says which event it had last (`Last-Event-ID`, or `after`) gets each later one exactly
 /// once. One that says none, or one no longer kept, first gets a `snapshot`, whose data is the status
-/// and whose number is that of the last event in it.
+/// and whose number is that of the last event in it. A stream ends after ten minutes, or when it must make room for others:
+/// come back with the last number.
 #[utoipa::path(get, path = "/api/v1/events", tag = "run",
     params(After, ("last-event-id" = Option<u64>, Header, description = "The last event the client has")),
     responses(
     (status = 200, description = "The stream; each `data` is a StreamedEvent, or a Status for `snapshot`",
      content_type = "text/event-stream", body = openapi::StreamedEvent),
     (status = 400, description = "`after` is no number", body = ErrorBody),
-    (status = 401, description = "No token", body = ErrorBody),
+    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
+    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
 ))]
 pub(super) async fn events(
     State(app): State<App>,
+    ConnectInfo(ticket): ConnectInfo<Ticket>,
     query: Result<Query<After>, QueryRejection>,
     headers: HeaderMap,
 ) -> Result<Response, ServerError> {
@@ -57,6 +64,7 @@ pub(super) async fn events(
         Some(id) => id.to_str().ok().and_then(|id| id.parse().ok()),
         None => after,
     };
+    ticket.becomes_stream();
     let (snapshot, subscription) = app.rig.events().subscribe(after);
     let (sender, receiver) = mpsc::channel(IN_FLIGHT);
     tokio::spawn(forward(snapshot, subscription, sender, app.stopping));
@@ -79,6 +87,7 @@ async fn forward(
         None => Some(sse::Event::default().retry(RETRY).comment("welcome back")),
     };
     let mut message = first;
+    let mut end = pin!(tokio::time::sleep(LONGEST));
     while let Some(next) = message {
         if sender.send(Ok(next)).await.is_err() {
             return;
@@ -86,6 +95,7 @@ async fn forward(
         message = tokio::select! {
             event = subscription.next() => event.and_then(|event| event_message(&event)),
             () = sender.closed() => return,
+            () = &mut end => return,
             _ = stopping.wait_for(|stopping| *stopping) => return,
         };
     }

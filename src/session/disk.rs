@@ -187,13 +187,7 @@ impl Lock {
     /// Takes the lock of the session in `folder`.
     pub(super) fn take(folder: &Path) -> Result<Self, SessionError> {
         let path = folder.join(LOCK);
-        let mut file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .open(&path)
-            .map_err(SessionError::io("open", &path, 0))?;
+        let mut file = super::open::create_inside(folder, LOCK)?;
         // `is_held` holds the lock for an instant: a few tries tell it from a writer.
         let mut taken = rustix::fs::flock(&file, FlockOperation::NonBlockingLockExclusive);
         for _ in 0..10 {
@@ -220,7 +214,7 @@ impl Lock {
 
     /// Whether somebody holds the lock of the session in `folder`.
     pub(super) fn is_held(folder: &Path) -> bool {
-        File::open(folder.join(LOCK)).is_ok_and(|f| {
+        super::open::open_inside(folder, LOCK).is_ok_and(|f| {
             rustix::fs::flock(&f, FlockOperation::NonBlockingLockShared) == Err(rustix::io::Errno::WOULDBLOCK)
         })
     }

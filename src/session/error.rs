@@ -63,6 +63,54 @@ pub enum SessionError {
         /// The system's reason.
         source: std::io::Error,
     },
+    /// What should be a session's own file or folder is a link, a pipe or something else.
+    #[error(
+        "{} is {found}, not {wanted}: a session is read no further than that; remove it and restore {wanted} from a backup",
+        path.display()
+    )]
+    Irregular {
+        /// Where it is.
+        path: PathBuf,
+        /// What it is.
+        found: &'static str,
+        /// What it should be.
+        wanted: &'static str,
+    },
+    /// A file that is longer than any that this program writes.
+    #[error("{} has {bytes} bytes, the limit is {limit}; check which file it is", path.display())]
+    TooLong {
+        /// The file.
+        path: PathBuf,
+        /// Its length.
+        bytes: u64,
+        /// The limit.
+        limit: u64,
+    },
+    /// A product that is not the one that was recorded.
+    #[error(
+        "product {file} of session {session} is not as recorded: {reason}; `grainrig replay {session}` writes it again"
+    )]
+    Product {
+        /// The session's name.
+        session: String,
+        /// The product.
+        file: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A stored file has another length than was recorded.
+    #[error(
+        "{} has changed since it was recorded ({found} bytes, recorded {recorded}); restore it from a backup",
+        path.display()
+    )]
+    Length {
+        /// The file.
+        path: PathBuf,
+        /// Bytes found.
+        found: u64,
+        /// Bytes recorded.
+        recorded: u64,
+    },
     /// The manifest is missing, unreadable or from another version.
     #[error("{}: {reason}; restore manifest.json from a backup, or delete the session", path.display())]
     Manifest {
@@ -217,6 +265,11 @@ pub enum SessionError {
 }
 
 impl SessionError {
+    /// Whether it says that a file is not there.
+    pub(super) fn is_missing(&self) -> bool {
+        matches!(self, Self::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound)
+    }
+
     /// Wraps the system's reason with the file and what was tried; a full disk becomes `DiskFull`.
     pub(super) fn io<'a>(
         action: &'static str,

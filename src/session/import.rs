@@ -6,6 +6,7 @@ use super::disk::{check_space, sha256_hex};
 use super::event::{Happening, Role};
 use super::manifest::{ArchivedFile, Manifest, Origin, Plan, PlannedView, required_bytes};
 use super::name::few;
+use super::open::read_named;
 use super::picture::{FILE_LIMIT, PictureFault, Size, decode_check};
 use super::{Session, SessionError, Store, cameras};
 use crate::geometry::{Angle, Projection};
@@ -14,6 +15,9 @@ use globset::GlobBuilder;
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
+
+/// Longest camera file, bytes: 100,000 cameras.
+const CAMERAS_LIMIT: u64 = 64 << 20;
 
 /// Which way the grain turned, seen from above.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -104,7 +108,10 @@ pub fn scan(request: &ImportRequest) -> Result<Scan, SessionError> {
     let Photographs { images, background, size } = look_at_all(paths, request.background.as_deref())?;
     let cameras = match &request.cameras {
         Some(path) => {
-            let text = std::fs::read_to_string(path).map_err(SessionError::io("read", path, 0))?;
+            let bytes = read_named(path, CAMERAS_LIMIT)?;
+            let no_text = |e| std::io::Error::new(std::io::ErrorKind::InvalidData, e);
+            let text =
+                String::from_utf8(bytes).map_err(no_text).map_err(SessionError::io("read", path, 0))?;
             let names: Vec<&str> = images.iter().map(|i| i.name.as_str()).collect();
             cameras::parse(&text, &names, size)?
         }
@@ -205,7 +212,7 @@ impl SourceImage {
     /// # Errors
     /// [`SessionError`] where the file cannot be read any more, or has changed.
     pub fn read(&self) -> Result<Frame, SessionError> {
-        let bytes = std::fs::read(&self.path).map_err(SessionError::io("read", &self.path, 0))?;
+        let bytes = read_named(&self.path, FILE_LIMIT)?;
         let found = sha256_hex(&bytes);
         if found != self.sha256 {
             let recorded = self.sha256.clone();
@@ -298,11 +305,10 @@ fn plan(request: &ImportRequest, images: usize) -> Result<Plan, SessionError> {
 
 fn look_at(name: String, path: PathBuf, others: Option<Size>) -> Result<(SourceImage, Size), SessionError> {
     let fail = |fault| SessionError::Picture { file: path.display().to_string(), fault };
-    let length = path.metadata().map_err(SessionError::io("read", &path, 0))?.len();
-    if length > FILE_LIMIT {
-        return Err(fail(PictureFault::TooLarge { bytes: length }));
-    }
-    let bytes = std::fs::read(&path).map_err(SessionError::io("read", &path, 0))?;
+    let bytes = match read_named(&path, FILE_LIMIT) {
+        Err(SessionError::TooLong { bytes, .. }) => return Err(fail(PictureFault::TooLarge { bytes })),
+        other => other?,
+    };
     let (encoding, size) = decode_check(&bytes, others).map_err(fail)?;
     let sha256 = sha256_hex(&bytes);
     Ok((SourceImage { path, name, encoding, bytes: bytes.len() as u64, sha256 }, size))

@@ -14,6 +14,7 @@ use super::SessionError;
 use super::disk::{sha256_of, sync_folder, write_whole};
 use super::event::{Happening, ProductRecord};
 use super::name::check_name;
+use super::open::open_inside;
 use super::recording::{PRODUCTS, Recording};
 use super::writer::Session;
 use rustix::fs::{CWD, RenameFlags, renameat_with};
@@ -111,10 +112,9 @@ impl Recording {
 }
 
 fn is_recorded(folder: &Path, product: &ProductRecord) -> bool {
-    let path = folder.join(&product.file);
-    let plain = path.symlink_metadata().is_ok_and(|m| m.is_file() && m.len() == product.bytes);
-    let hash = || File::open(&path).and_then(|mut file| sha256_of(&mut file));
-    plain && hash().is_ok_and(|(hash, _)| hash == product.sha256)
+    let Ok(mut file) = open_inside(folder, &product.file) else { return false };
+    let as_long = file.metadata().is_ok_and(|m| m.len() == product.bytes);
+    as_long && sha256_of(&mut file).is_ok_and(|(hash, _)| hash == product.sha256)
 }
 
 /// Finishes or undoes what a killed run has left half done; the caller holds the session's lock.

@@ -3,9 +3,12 @@
 use super::SessionError;
 use super::disk::{LOCK, Lock, sha256_hex};
 use super::event::{CapturedView, Event, Happening, ProductRecord};
+use super::hashes::Hashes;
 use super::journal::{Chain, Damage, Decoder};
 use super::manifest::{ArchivedFile, FORMAT_VERSION, Manifest, Origin};
 use super::name::check_name;
+use super::open::{JOURNAL_LIMIT, MANIFEST_LIMIT, PRODUCT_LIMIT, check_folder, open_inside, read_inside};
+use super::picture::FILE_LIMIT;
 use crate::rig::{Encoding, Frame};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -94,12 +97,17 @@ impl Recording {
             torn_bytes: 0,
         };
         let path = folder.join(JOURNAL);
-        let mut file = match std::fs::File::open(&path) {
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+        let file = match open_inside(folder, JOURNAL) {
+            Err(e) if e.is_missing() => {
                 return Ok((it, Some(Damage { line: 1, reason: "the file is missing".to_owned() })));
             }
-            other => other.map_err(SessionError::io("open", &path, 0))?,
+            other => other?,
         };
+        let bytes = file.metadata().map_err(SessionError::io("read", &path, 0))?.len();
+        if bytes > JOURNAL_LIMIT {
+            return Err(SessionError::TooLong { path, bytes, limit: JOURNAL_LIMIT });
+        }
+        let mut file = file.take(JOURNAL_LIMIT);
         let mut decoder = Decoder::new(it.chain.clone());
         let mut buffer = vec![0; 1 << 16];
         let mut damage = None;
@@ -236,7 +244,7 @@ impl Recording {
     pub fn frame(&self, view: usize) -> Result<Frame, SessionError> {
         let record =
             self.views.get(&view).ok_or(SessionError::NotCaptured { view, captured: self.views.len() })?;
-        read_checked(&self.folder.join(FRAMES).join(&record.file), &record.sha256)
+        self.read_checked(&record.file, record.bytes, &record.sha256)
     }
 
     /// Looks whether every recorded picture is there, by its size: a run has their bytes in hand and would not miss them.
@@ -258,22 +266,70 @@ impl Recording {
     /// # Errors
     /// [`SessionError`] where its file is missing or has changed.
     pub fn background(&self) -> Result<Option<Frame>, SessionError> {
-        let read = |a: &ArchivedFile| read_checked(&self.folder.join(FRAMES).join(&a.file), &a.sha256);
+        let read = |a: &ArchivedFile| self.read_checked(&a.file, a.bytes, &a.sha256);
         self.manifest.background.as_ref().map(read).transpose()
     }
 
     /// The folder of a compression of this session's grain, whether there is one of that name or not.
     ///
     /// # Errors
-    /// [`SessionError::Name`] for a name that is no plain name.
+    /// [`SessionError::Name`] for a name that is no plain name; as for [`Self::compressions_path`].
     pub fn compression_path(&self, name: &str) -> Result<PathBuf, SessionError> {
         check_name("compression", name)?;
-        Ok(self.compressions_path().join(name))
+        let path = self.compressions_path()?.join(name);
+        real_or_absent(&path)?;
+        Ok(path)
     }
 
     /// Where the compressions of this session's grain are, if there are any.
-    pub fn compressions_path(&self) -> PathBuf {
-        self.folder.join(COMPRESSIONS)
+    ///
+    /// # Errors
+    /// [`SessionError::Irregular`] where a link or something else is in the folder's place.
+    pub fn compressions_path(&self) -> Result<PathBuf, SessionError> {
+        let path = self.folder.join(COMPRESSIONS);
+        real_or_absent(&path)?;
+        Ok(path)
+    }
+
+    /// Opens a product for reading, its hash checked against the journal; its length beside it.
+    ///
+    /// # Errors
+    /// [`SessionError::Product`] where it was never recorded, is missing, no plain file, or has changed.
+    pub fn product_file(&self, file: &str, hashes: &Hashes) -> Result<(std::fs::File, u64), SessionError> {
+        let damaged = |reason: String| SessionError::Product {
+            session: self.manifest.name.clone(),
+            file: file.to_owned(),
+            reason,
+        };
+        let record = self.products.get(file).ok_or_else(|| damaged("it was not recorded".to_owned()))?;
+        let system = |e: std::io::Error| damaged(e.to_string());
+        let mut opened = open_inside(&self.folder, &format!("{PRODUCTS}/{file}")).map_err(|e| match e {
+            SessionError::Io { source, .. } => system(source),
+            SessionError::Irregular { found, .. } => damaged(format!("it is {found}, not a plain file")),
+            e => damaged(e.to_string()),
+        })?;
+        let bytes = opened.metadata().map_err(system)?.len();
+        if bytes != record.bytes || bytes > PRODUCT_LIMIT {
+            let limit = record.bytes.min(PRODUCT_LIMIT);
+            return Err(damaged(format!("it has {bytes} bytes, {limit} were written")));
+        }
+        let found = hashes.sha256(&mut opened).map_err(system)?;
+        if found != record.sha256 {
+            return Err(damaged(format!("its SHA-256 is {found}, recorded is {}", record.sha256)));
+        }
+        Ok((opened, bytes))
+    }
+
+    /// A product's bytes, their hash checked against the journal.
+    ///
+    /// # Errors
+    /// As [`Self::product_file`].
+    pub fn product(&self, file: &str) -> Result<Vec<u8>, SessionError> {
+        let (opened, bytes) = self.product_file(file, &Hashes::default())?;
+        let path = self.product_path(file)?;
+        let mut read = Vec::with_capacity(bytes as usize);
+        opened.take(bytes).read_to_end(&mut read).map_err(SessionError::io("read", &path, 0))?;
+        Ok(read)
     }
 
     /// Where a product lies, whether it is written yet or not.
@@ -286,29 +342,47 @@ impl Recording {
     }
 }
 
-fn read_checked(path: &Path, recorded: &str) -> Result<Frame, SessionError> {
-    let bytes = std::fs::read(path).map_err(SessionError::io("read", path, 0))?;
-    let found = sha256_hex(&bytes);
-    if found != recorded {
-        return Err(SessionError::Changed { path: path.to_owned(), found, recorded: recorded.to_owned() });
+/// Refuses a link or a file in a folder's place.
+fn real_or_absent(folder: &Path) -> Result<(), SessionError> {
+    match check_folder(folder) {
+        Err(e) if e.is_missing() => Ok(()),
+        other => other,
     }
-    let encoding = Encoding::sniff(&bytes).ok_or_else(|| SessionError::Picture {
-        file: path.display().to_string(),
-        fault: super::picture::PictureFault::unknown(&bytes),
-    })?;
-    Ok(Frame::new(bytes, encoding))
+}
+
+impl Recording {
+    /// A picture in `frames/`, if it is the one that was recorded.
+    fn read_checked(&self, file: &str, bytes: u64, recorded: &str) -> Result<Frame, SessionError> {
+        let inside = format!("{FRAMES}/{file}");
+        let path = self.folder.join(&inside);
+        let read = match read_inside(&self.folder, &inside, bytes.min(FILE_LIMIT)) {
+            Err(SessionError::TooLong { path, bytes: found, .. }) => {
+                return Err(SessionError::Length { path, found, recorded: bytes });
+            }
+            other => other?,
+        };
+        let found = sha256_hex(&read);
+        if found != recorded {
+            return Err(SessionError::Changed { path, found, recorded: recorded.to_owned() });
+        }
+        let encoding = Encoding::sniff(&read).ok_or_else(|| SessionError::Picture {
+            file: path.display().to_string(),
+            fault: super::picture::PictureFault::unknown(&read),
+        })?;
+        Ok(Frame::new(read, encoding))
+    }
 }
 
 pub(super) fn read_manifest(folder: &Path) -> Result<Vec<u8>, SessionError> {
     let path = folder.join(MANIFEST);
-    match std::fs::read(&path) {
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+    match read_inside(folder, MANIFEST, MANIFEST_LIMIT) {
+        Err(e) if e.is_missing() => {
             if folder.join(LOCK).exists() {
                 return Err(SessionError::Manifest { path, reason: "the file is missing".to_owned() });
             }
             Err(SessionError::Absent { path: folder.to_owned() })
         }
-        other => other.map_err(SessionError::io("read", &path, 0)),
+        other => other,
     }
 }
 

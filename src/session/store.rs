@@ -2,47 +2,26 @@
 
 use super::SessionError;
 use super::disk::{LOCK, Lock, sync_folder, write_whole};
-use super::manifest::{Manifest, Origin};
+use super::manifest::Manifest;
 use super::name::check_name;
-use super::recording::{FRAMES, JOURNAL, MANIFEST, PRODUCTS, Recording, State, check_manifest};
+use super::recording::{FRAMES, JOURNAL, MANIFEST, PRODUCTS, Recording, check_manifest};
+use super::summaries::{Summaries, Summary};
 use super::writer::Session;
-use jiff::Timestamp;
-use serde::Serialize;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::SystemTime;
 
 /// The data folder.
 #[derive(Debug, Clone)]
 pub struct Store {
     data: PathBuf,
-}
-
-/// One line of the list of sessions.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Summary {
-    /// The folder's name.
-    pub name: String,
-    /// When it was created; `None` where the manifest is damaged.
-    pub created: Option<Timestamp>,
-    /// Where its pictures come from.
-    pub origin: Option<Origin>,
-    /// Views in the plan.
-    pub planned: usize,
-    /// Views whose pictures are durable.
-    pub captured: usize,
-    /// How far it has come; `None` where it is damaged.
-    pub state: Option<State>,
-    /// Whether somebody writes it now.
-    pub busy: bool,
-    /// Bytes of a torn last line of the journal, which the next run cuts off.
-    pub torn_bytes: usize,
-    /// What is wrong with it and what to do; `None` where nothing is.
-    pub damage: Option<String>,
+    summaries: Arc<Summaries>,
 }
 
 impl Store {
     /// The store in a data folder, which is made when the first session is.
     pub fn new(data: impl Into<PathBuf>) -> Self {
-        Self { data: data.into() }
+        Self { data: data.into(), summaries: Arc::default() }
     }
 
     /// The data folder.
@@ -50,7 +29,7 @@ impl Store {
         &self.data
     }
 
-    /// All sessions by name, damaged ones too. Reads every journal.
+    /// All sessions by name, damaged ones too. Reads every journal that is not as this store, or a clone of it, read it last.
     ///
     /// # Errors
     /// [`SessionError::Io`] where the data folder cannot be listed.
@@ -58,18 +37,19 @@ impl Store {
         if !self.data.exists() {
             return Ok(Vec::new());
         }
-        let mut all = Vec::new();
+        let mut names = Vec::new();
         for entry in std::fs::read_dir(&self.data).map_err(SessionError::io("list", &self.data, 0))? {
             let entry = entry.map_err(SessionError::io("list", &self.data, 0))?;
             let name = entry.file_name().to_string_lossy().into_owned();
             // A folder that begins with a dot is a session that is being made, or nothing of ours.
-            if name.starts_with('.') || !entry.path().is_dir() {
+            // A link to a folder is told of as damaged, and not followed.
+            let is_session = entry.file_type().is_ok_and(|kind| kind.is_dir() || kind.is_symlink());
+            if name.starts_with('.') || !is_session {
                 continue;
             }
-            all.push(summarise(name, &entry.path()));
+            names.push(name);
         }
-        all.sort_by(|a, b| a.name.cmp(&b.name));
-        Ok(all)
+        Ok(self.summaries.of(&self.data, names, SystemTime::now()).0)
     }
 
     /// The folder of a session of this store.
@@ -119,6 +99,7 @@ impl Store {
             .map_err(|e| SessionError::Manifest { path: target.join(MANIFEST), reason: e.to_string() })?;
         let folder = self.data.join(format!(".new-{}", manifest.name));
         std::fs::create_dir_all(&folder).map_err(SessionError::io("create", &folder, 0))?;
+        super::open::check_folder(&folder)?;
         // Whoever made this folder before and was killed has left its lock; whoever lives holds it.
         let lock = Lock::take(&folder)?;
         empty(&folder)?;
@@ -193,31 +174,4 @@ fn empty(folder: &Path) -> Result<(), SessionError> {
         removed.map_err(SessionError::io("remove", &path, 0))?;
     }
     Ok(())
-}
-
-fn summarise(name: String, folder: &Path) -> Summary {
-    let read = check_name("session name", &name).and_then(|()| Recording::read(folder));
-    let mut line = Summary {
-        name,
-        created: None,
-        origin: None,
-        planned: 0,
-        captured: 0,
-        state: None,
-        busy: Lock::is_held(folder),
-        torn_bytes: 0,
-        damage: None,
-    };
-    match read {
-        Err(e) => line.damage = Some(e.to_string()),
-        Ok(r) => {
-            line.created = Some(r.manifest().created);
-            line.origin = Some(r.manifest().origin);
-            line.planned = r.manifest().plan.views.len();
-            line.captured = r.views().len();
-            line.state = Some(r.state().seen(line.busy));
-            line.torn_bytes = r.torn_bytes();
-        }
-    }
-    line
 }

@@ -1,12 +1,16 @@
 //! Whether a session is still what was recorded.
 
 use super::SessionError;
-use super::disk::{LOCK, Lock, sha256_hex};
+use super::disk::{LOCK, Lock, sha256_of};
+use super::open::{check_folder, open_inside};
 use super::products::{NEXT, OLD};
 use super::recording::{COMPRESSIONS, FRAMES, JOURNAL, MANIFEST, PRODUCTS, Recording, State};
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::path::Path;
+
+/// A file of at most this length is hashed even where it is longer than it was recorded.
+const HASHED_ANYWAY: u64 = 64 << 20;
 
 /// What [`verify`] found.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -63,7 +67,7 @@ pub enum Fault {
         bytes: usize,
     },
     /// A recorded file is not there.
-    #[error("{file}: missing; restore it from a backup")]
+    #[error("{file}: missing; {}", heals(file))]
     Missing {
         /// The file.
         file: String,
@@ -76,9 +80,30 @@ pub enum Fault {
         /// The system's reason.
         reason: String,
     },
+    /// A link, a pipe or something else is in a file's or a folder's place.
+    #[error("{file}: it is {found}, not {wanted}; remove it, then: {}", heals(file))]
+    Irregular {
+        /// Its place.
+        file: String,
+        /// What it is.
+        found: String,
+        /// What it should be.
+        wanted: String,
+    },
+    /// A recorded file is longer than it was; its bytes are not looked at.
+    #[error("{file}: changed ({found_bytes} bytes; recorded {recorded_bytes} bytes); {}", heals(file))]
+    Longer {
+        /// The file.
+        file: String,
+        /// Bytes found.
+        found_bytes: u64,
+        /// Bytes recorded.
+        recorded_bytes: u64,
+    },
     /// A recorded file has changed.
     #[error(
-        "{file}: changed ({found_bytes} bytes, SHA-256 {found}; recorded {recorded_bytes} bytes, {recorded}); restore it from a backup"
+        "{file}: changed ({found_bytes} bytes, SHA-256 {found}; recorded {recorded_bytes} bytes, {recorded}); {}",
+        heals(file)
     )]
     Changed {
         /// The file.
@@ -129,6 +154,11 @@ pub fn verify(folder: &Path) -> Result<VerifyReport, SessionError> {
             report.faults.push(Fault::Manifest { reason });
             return Ok(report);
         }
+        Err(e @ SessionError::Irregular { .. }) if check_folder(folder).is_ok() => {
+            let journal = matches!(&e, SessionError::Irregular { path, .. } if path.ends_with(JOURNAL));
+            report.faults.push(fault(if journal { JOURNAL } else { MANIFEST }.to_owned(), &e));
+            return Ok(report);
+        }
         Err(e) => return Err(e),
     };
     report.session = Some(recording.manifest().name.clone());
@@ -140,63 +170,135 @@ pub fn verify(folder: &Path) -> Result<VerifyReport, SessionError> {
     } else if recording.torn_bytes() > 0 && !report.busy {
         report.faults.push(Fault::Torn { bytes: recording.torn_bytes() });
     }
-    let mut known =
-        BTreeSet::from([MANIFEST, JOURNAL, LOCK, FRAMES, PRODUCTS, COMPRESSIONS].map(str::to_owned));
-    for v in recording.views() {
-        report.frames += 1;
-        let file = format!("{FRAMES}/{}", v.file);
-        report.faults.extend(compare(folder, &file, v.bytes, &v.sha256));
-        known.insert(file);
-        for other in &v.others {
-            report.frames += 1;
-            let file = format!("{FRAMES}/{}", other.file);
-            report.faults.extend(compare(folder, &file, other.bytes, &other.sha256));
-            known.insert(file);
+    let checked = Checked::of(&recording);
+    (report.frames, report.products) = (checked.frames, checked.products);
+    report.faults.extend(checked.faults);
+    let mut known = checked.files;
+    known.extend([MANIFEST, JOURNAL, LOCK, FRAMES, PRODUCTS, COMPRESSIONS].map(str::to_owned));
+    let places = [FRAMES, PRODUCTS, COMPRESSIONS].map(|sub| (sub, check_folder(&folder.join(sub))));
+    let lock = (LOCK, open_inside(folder, LOCK).map(|_| ()));
+    for (file, found) in places.into_iter().chain([lock]) {
+        match found {
+            Err(e) if !e.is_missing() => report.faults.push(fault(file.to_owned(), &e)),
+            _ => {}
         }
-    }
-    if let Some(b) = &recording.manifest().background {
-        report.frames += 1;
-        let file = format!("{FRAMES}/{}", b.file);
-        report.faults.extend(compare(folder, &file, b.bytes, &b.sha256));
-        known.insert(file);
     }
     let place = recording.products_place();
     if place != PRODUCTS && !report.busy {
         report.faults.push(Fault::Unfinished { file: place.to_owned() });
     }
-    for p in recording.products() {
-        report.products += 1;
-        let file = format!("{place}/{}", p.file);
-        report.faults.extend(compare(folder, &file, p.bytes, &p.sha256));
-        known.insert(file);
-    }
     if !report.busy {
         // What a killed run has left beside the products the next opening removes.
         known.extend([NEXT, OLD].map(str::to_owned));
         for sub in ["", FRAMES, place] {
-            let extra = list(folder, sub)?.into_iter().filter(|f| !known.contains(f));
-            report.faults.extend(extra.map(|file| Fault::Extra { file }));
+            if check_folder(&folder.join(sub)).is_ok() {
+                let extra = list(folder, sub)?.into_iter().filter(|f| !known.contains(f));
+                report.faults.extend(extra.map(|file| Fault::Extra { file }));
+            }
         }
     }
     Ok(report)
 }
 
-fn compare(folder: &Path, file: &str, recorded_bytes: u64, recorded: &str) -> Option<Fault> {
-    let file = file.to_owned();
-    match std::fs::read(folder.join(&file)) {
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Some(Fault::Missing { file }),
-        Err(e) => Some(Fault::Unreadable { file, reason: e.to_string() }),
-        Ok(bytes) => {
-            let (found_bytes, found) = (bytes.len() as u64, sha256_hex(&bytes));
-            (found_bytes != recorded_bytes || found != recorded).then(|| Fault::Changed {
-                file,
-                found_bytes,
-                recorded_bytes,
-                found,
-                recorded: recorded.to_owned(),
-            })
+/// What heals a recorded file that is lost.
+fn heals(file: &str) -> &'static str {
+    if file.starts_with(PRODUCTS) { "`grainrig replay` writes it again" } else { "restore it from a backup" }
+}
+
+fn fault(file: String, error: &SessionError) -> Fault {
+    match error {
+        SessionError::Irregular { found, wanted, .. } => {
+            Fault::Irregular { file, found: (*found).to_owned(), wanted: (*wanted).to_owned() }
+        }
+        e if e.is_missing() => Fault::Missing { file },
+        SessionError::Io { source, .. } => Fault::Unreadable { file, reason: source.to_string() },
+        e => Fault::Unreadable { file, reason: e.to_string() },
+    }
+}
+
+/// The recorded files, each compared.
+struct Checked {
+    frames: usize,
+    products: usize,
+    files: BTreeSet<String>,
+    faults: Vec<Fault>,
+}
+
+impl Checked {
+    fn of(recording: &Recording) -> Self {
+        let place = recording.products_place();
+        let mut it = Self { frames: 0, products: 0, files: BTreeSet::new(), faults: Vec::new() };
+        let mut compare = |sub: &str, file: &str, bytes: u64, sha256: &str| {
+            let file = format!("{sub}/{file}");
+            it.faults.extend(compare(recording.folder(), &file, bytes, sha256));
+            it.files.insert(file);
+        };
+        for v in recording.views() {
+            it.frames += 1 + v.others.len();
+            compare(FRAMES, &v.file, v.bytes, &v.sha256);
+            v.others.iter().for_each(|o| compare(FRAMES, &o.file, o.bytes, &o.sha256));
+        }
+        if let Some(b) = &recording.manifest().background {
+            it.frames += 1;
+            compare(FRAMES, &b.file, b.bytes, &b.sha256);
+        }
+        for p in recording.products() {
+            it.products += 1;
+            compare(place, &p.file, p.bytes, &p.sha256);
+        }
+        it
+    }
+}
+
+/// The recorded files of a session that are not as recorded. Reads them all.
+///
+/// `products` says whether the products are compared too: those of a session that is not complete are made again.
+pub fn damage(recording: &Recording, products: bool) -> Vec<Fault> {
+    let mut all = Checked::of(recording).faults;
+    all.retain(|fault| products || !fault.is_of_a_product());
+    all
+}
+
+impl Fault {
+    fn is_of_a_product(&self) -> bool {
+        match self {
+            Self::Missing { file }
+            | Self::Unreadable { file, .. }
+            | Self::Irregular { file, .. }
+            | Self::Longer { file, .. }
+            | Self::Changed { file, .. }
+            | Self::Extra { file } => file.starts_with(PRODUCTS),
+            Self::Manifest { .. } | Self::Journal { .. } | Self::Torn { .. } | Self::Unfinished { .. } => false,
         }
     }
+}
+
+fn compare(folder: &Path, file: &str, recorded_bytes: u64, recorded: &str) -> Option<Fault> {
+    let name = || file.to_owned();
+    let unreadable = |e: std::io::Error| Fault::Unreadable { file: name(), reason: e.to_string() };
+    let mut opened = match open_inside(folder, file) {
+        Ok(opened) => opened,
+        Err(e) => return Some(fault(name(), &e)),
+    };
+    let found_bytes = match opened.metadata() {
+        Ok(about) => about.len(),
+        Err(e) => return Some(unreadable(e)),
+    };
+    // A file may be made as long as a disk, of nothing.
+    if found_bytes > recorded_bytes.max(HASHED_ANYWAY) {
+        return Some(Fault::Longer { file: name(), found_bytes, recorded_bytes });
+    }
+    let (found, found_bytes) = match sha256_of(&mut opened) {
+        Ok(read) => read,
+        Err(e) => return Some(unreadable(e)),
+    };
+    (found_bytes != recorded_bytes || found != recorded).then(|| Fault::Changed {
+        file: name(),
+        found_bytes,
+        recorded_bytes,
+        found,
+        recorded: recorded.to_owned(),
+    })
 }
 
 /// The names in a folder, relative to the session's, sorted; none where it is missing.

@@ -5,11 +5,12 @@ use super::disk::{Lock, WholeFile, check_space, remove_parts, write_whole};
 use super::event::{CapturedView, Event, Happening, ProductRecord};
 use super::manifest::{ArchivedFile, PlannedView, required_bytes};
 use super::name::check_name;
+use super::open::{append_inside, check_folder, read_inside};
 use super::recording::{FRAMES, JOURNAL, MANIFEST, PRODUCTS, Recording};
 use crate::geometry::Angle;
 use crate::rig::Frame;
 use jiff::Timestamp;
-use std::fs::{File, OpenOptions};
+use std::fs::File;
 use std::io::{Read, Seek, Write};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
@@ -50,11 +51,7 @@ impl Session {
     pub(super) fn with_lock(folder: &Path, lock: Lock) -> Result<Self, SessionError> {
         let recording = Recording::read(folder)?;
         let path = folder.join(JOURNAL);
-        let journal = OpenOptions::new()
-            .read(true)
-            .append(true)
-            .open(&path)
-            .map_err(SessionError::io("open", &path, 0))?;
+        let journal = append_inside(folder, JOURNAL)?;
         let manifest = super::recording::read_manifest(folder)?;
         if recording.torn_bytes > 0 {
             journal
@@ -67,6 +64,8 @@ impl Session {
         let products = folder.join(PRODUCTS);
         std::fs::create_dir_all(&products).map_err(SessionError::io("create", &products, 0))?;
         for name in [FRAMES, PRODUCTS] {
+            // What is written there must not land elsewhere.
+            check_folder(&folder.join(name))?;
             remove_parts(&folder.join(name))?;
         }
         Ok(Self { recording, manifest, journal, lock: Arc::new(lock), broken: false, observer: None })
@@ -148,14 +147,14 @@ impl Session {
     fn keep_in_place(&mut self) -> Result<(), SessionError> {
         let folder = &self.recording.folder;
         let path = folder.join(MANIFEST);
-        match std::fs::read(&path) {
+        match read_inside(folder, MANIFEST, self.manifest.len() as u64) {
             Ok(bytes) if bytes == self.manifest => {}
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+            Err(e) if e.is_missing() => {
                 write_whole(folder, MANIFEST, &self.manifest)?;
                 tracing::warn!("{} was removed during the run and is put back", path.display());
             }
-            Ok(_) => return Err(SessionError::Replaced { path }),
-            Err(e) => return Err(SessionError::io("read", &path, 0)(e)),
+            Ok(_) | Err(SessionError::TooLong { .. }) => return Err(SessionError::Replaced { path }),
+            Err(e) => return Err(e),
         }
         let path = folder.join(JOURNAL);
         let ours = self.journal.metadata().map_err(SessionError::io("read", &path, 0))?;
@@ -174,11 +173,7 @@ impl Session {
             .and_then(|()| file.read_to_end(&mut lines))
             .map_err(SessionError::io("read", &path, 0))?;
         write_whole(folder, JOURNAL, &lines)?;
-        self.journal = OpenOptions::new()
-            .read(true)
-            .append(true)
-            .open(&path)
-            .map_err(SessionError::io("open", &path, 0))?;
+        self.journal = append_inside(folder, JOURNAL)?;
         tracing::warn!("{} was removed during the run and is put back, with all its lines", path.display());
         Ok(())
     }

@@ -119,6 +119,10 @@ impl Daemon {
 
     pub fn post(&self, path: &str, body: Option<&Value>) -> (u16, Value) {
         let request = client().post(self.url(path));
+        let request = match self.token {
+            Some(token) => request.header("authorization", format!("Bearer {token}")),
+            None => request,
+        };
         let mut response = match body {
             Some(body) => request.send_json(body),
             None => request.send_empty(),

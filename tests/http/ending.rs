@@ -36,7 +36,7 @@ fn what_cannot_be_meant_is_a_usage_error() {
 
 #[test]
 fn a_daemon_that_is_told_to_end_leaves_a_session_to_go_on_with() {
-    for signal in ["TERM", "INT"] {
+    for signal in ["TERM", "INT", "HUP"] {
         let lab = Lab::new(SMALL);
         let mut daemon = lab.serve();
         let mut stream = daemon.events(None);
@@ -50,6 +50,9 @@ fn a_daemon_that_is_told_to_end_leaves_a_session_to_go_on_with() {
         while stream.next().is_some() {}
         let (code, out, err) = lab.run(&["verify", "quartz", "--json"]);
         assert_eq!(code, Some(0), "{out}{err}");
+        // The journal says that somebody ended the run: it was not cut off in its midst.
+        let report: Value = serde_json::from_str(&out).unwrap();
+        assert_eq!(report["state"], "aborted", "{signal}: {out}");
     }
 }
 

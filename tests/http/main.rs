@@ -1,7 +1,10 @@
 //! `grainrig serve` as a stranger uses it: the real program, its real port, a real run.
 
+mod client;
 mod compressions;
+mod crowd;
 mod daemon;
+mod damage;
 mod ending;
 mod hostile;
 mod runs;

@@ -2,6 +2,7 @@
 
 mod events;
 mod hostile;
+mod openapi;
 mod rig;
 #[path = "../sse/mod.rs"]
 mod sse;

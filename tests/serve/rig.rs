@@ -81,7 +81,7 @@ impl Compressions for FakeRig {
 
 impl Rig for FakeRig {
     fn start(&self, request: RunRequest) -> Result<RunStarted, Refusal> {
-        if request.name == "full" {
+        if request.session == "full" {
             let refusal = Refusal::new(RefusalKind::Disk, "0 MiB are free of the 500 MiB needed; make room");
             return Err(refusal.with_detail(SECRET));
         }
@@ -91,7 +91,7 @@ impl Rig for FakeRig {
         if self.feed.status().state != RunState::Idle {
             return Err(Refusal::new(RefusalKind::Busy, "a run goes on; wait for its end or abort it"));
         }
-        let session = request.name;
+        let session = request.session;
         self.happened(Happening::Started { session: session.clone(), views: 25, already_captured: 0 });
         self.happened(Happening::Homed);
         Ok(RunStarted { session })

@@ -1,8 +1,10 @@
 //! What is asked of a compression, and the folder that is claimed for it.
 
-use super::{CompressInput, CompressSettings, Compression, DaemonError, MESH, Placing, RESULT, RUN};
+use super::{
+    CompressInput, CompressSettings, Compression, DaemonError, MESH, Placing, RESULT, RUN, TEXT_LIMIT,
+};
 use crate::contact::{ContactError, Loading, Material, Plates, SETTLED};
-use crate::session::{Held, LOCK, hold, write_whole};
+use crate::session::{Held, LOCK, hold, read_inside, write_whole};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -22,6 +24,7 @@ pub enum CompressMaterial {
 /// A compression as it is asked for; what is left out has its usual value.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schema(example = json!({ "material": "elastic", "to_force_n": 2.0 }))]
 pub struct CompressRequest {
     /// How the grain answers.
     pub material: CompressMaterial,
@@ -165,7 +168,7 @@ pub(super) struct Asked {
 
 /// What was asked in a folder; `None` where nothing was, or nobody can read it.
 pub(super) fn asked(folder: &Path) -> Option<Asked> {
-    serde_json::from_slice(&std::fs::read(folder.join(ASKED)).ok()?).ok()
+    serde_json::from_slice(&read_inside(folder, ASKED, TEXT_LIMIT).ok()?).ok()
 }
 
 /// Whether the compression in a folder has come to its end.
@@ -174,7 +177,7 @@ pub(super) fn is_finished(folder: &Path) -> bool {
     struct Ended {
         finished: bool,
     }
-    let text = std::fs::read(folder.join(RESULT)).ok();
+    let text = read_inside(folder, RESULT, TEXT_LIMIT).ok();
     let ended: Option<Ended> = text.and_then(|text| serde_json::from_slice(&text).ok());
     ended.is_some_and(|ended| ended.finished)
 }

@@ -16,7 +16,7 @@ use super::{
 };
 use crate::daemon::Watcher;
 use crate::export::stl;
-use crate::session::{Recording, SessionError, State, Store, check_name, hold, sha256_hex};
+use crate::session::{Recording, SessionError, State, Store, check_name, hold};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -48,12 +48,6 @@ pub enum CompressError {
         "session {session} is not complete: it has no surface to compress; `grainrig resume {session}` makes it"
     )]
     Unfinished {
-        /// The session.
-        session: String,
-    },
-    /// The surface is not what was recorded.
-    #[error("{SURFACE} of session {session} is not as recorded; `grainrig replay {session}` writes it again")]
-    Changed {
         /// The session.
         session: String,
     },
@@ -269,9 +263,7 @@ fn grain(recording: &Recording, session: &str) -> Result<CompressInput, Compress
     let record = recording.products().find(|p| p.file == SURFACE);
     let record = record.filter(|_| recording.state() == State::Complete);
     let record = record.ok_or_else(|| CompressError::Unfinished { session: session.into() })?;
-    let bytes = std::fs::read(recording.product_path(&record.file)?).ok();
-    let bytes = bytes.filter(|bytes| sha256_hex(bytes) == record.sha256);
-    let bytes = bytes.ok_or_else(|| CompressError::Changed { session: session.into() })?;
+    let bytes = recording.product(&record.file)?;
     let surface = stl::read(&bytes).map_err(DaemonError::from)?;
     Ok(CompressInput::Surface(surface, format!("session {session}")))
 }

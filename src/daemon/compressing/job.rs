@@ -1,9 +1,9 @@
 //! The thread of one compression, and what the data folder remembers of it.
 
 use super::news::News;
-use super::{Claim, Compression, DaemonError};
+use super::{Claim, Compression, DaemonError, TEXT_LIMIT};
 use crate::session::event::CompressionState;
-use crate::session::{Held, write_whole};
+use crate::session::{Held, read_inside, write_whole};
 use serde::{Deserialize, Serialize};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -28,7 +28,7 @@ pub(super) struct Pointer {
 impl Pointer {
     /// What the last program was at when it ended, if anything; a file that nobody can read counts as begun too often.
     pub(super) fn read(data: &Path) -> Option<Self> {
-        let text = std::fs::read(data.join(POINTER)).ok()?;
+        let text = read_inside(data, POINTER, TEXT_LIMIT).ok()?;
         let unknown = || Self { session: String::new(), name: String::new(), tries: u32::MAX };
         Some(serde_json::from_slice(&text).unwrap_or_else(|_| unknown()))
     }

@@ -29,7 +29,7 @@ use crate::contact::{
     ContactError, CurvePoint, Loading, Press, Sample, agreement, fit_hertz, hertz, quasi_static, transition,
 };
 use crate::mesh::TetMesh;
-use crate::session::{Held, hold, write_whole};
+use crate::session::{Held, hold, read_inside, write_whole};
 use body::{mesh_bytes, mesh_from};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -40,6 +40,10 @@ const MESH: &str = "mesh.bin";
 const STATE: &str = "state.bin";
 /// The name of the file with all figures.
 const RESULT: &str = "result.json";
+/// Longest text that is read back, bytes: a result with every sample has a few megabytes.
+const TEXT_LIMIT: u64 = 256 << 20;
+/// Longest mesh or checkpoint that is read back, bytes: ten times that of two million tetrahedra.
+const STATE_LIMIT: u64 = 4 << 30;
 /// `kill -9` loses at most this much computing, and a piece.
 const CHECKPOINT_EACH: Duration = Duration::from_secs(20);
 /// Steps between two looks at the clock and at whether to stop: with a million plastic elements on one core two seconds.
@@ -89,7 +93,7 @@ impl Compression {
 
     fn open(folder: &Path, held: Held) -> Result<Self, DaemonError> {
         let no = |reason: String| DaemonError::Resume { path: folder.into(), reason };
-        let read = |name: &str| std::fs::read(folder.join(name)).map_err(|e| no(format!("{name}: {e}")));
+        let read = |name: &str| read_inside(folder, name, STATE_LIMIT).map_err(|e| no(e.to_string()));
         let settings: CompressSettings =
             serde_json::from_slice(&read(RUN)?).map_err(|e| no(format!("{RUN}: {e}")))?;
         let mesh = mesh_from(&read(MESH)?).ok_or_else(|| no(format!("{MESH} is damaged")))?;

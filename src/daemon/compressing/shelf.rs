@@ -1,8 +1,8 @@
 //! The compressions of a session as they lie in its folder.
 
 use super::asked::{asked, is_finished};
-use super::{CompressError, CompressSettings, MESH, Placing, RESULT, STATE};
-use crate::session::{LOCK, Recording, check_name};
+use super::{CompressError, CompressSettings, MESH, Placing, RESULT, STATE, TEXT_LIMIT};
+use crate::session::{LOCK, Recording, check_name, open_inside, read_inside};
 use serde::Serialize;
 use std::fs::File;
 use std::path::Path;
@@ -55,7 +55,8 @@ pub struct CompressDetails {
 
 /// The compressions of a session, by name; `running` is the one that is being computed.
 pub(super) fn list(recording: &Recording, running: Option<&str>) -> Vec<CompressLine> {
-    let entries = std::fs::read_dir(recording.compressions_path()).into_iter().flatten().flatten();
+    let folder = recording.compressions_path().ok();
+    let entries = folder.and_then(|folder| std::fs::read_dir(folder).ok()).into_iter().flatten().flatten();
     let names = entries.map(|e| e.file_name().to_string_lossy().into_owned());
     let mut all: Vec<CompressLine> =
         names.filter_map(|name| line(&recording.compression_path(&name).ok()?, name, running)).collect();
@@ -82,7 +83,7 @@ pub(super) fn details(
 ) -> Result<CompressDetails, CompressError> {
     let folder = recording.compression_path(name)?;
     let line = line(&folder, name.to_owned(), running).ok_or(CompressError::Absent)?;
-    let text = std::fs::read(folder.join(RESULT)).ok();
+    let text = read_inside(&folder, RESULT, TEXT_LIMIT).ok();
     let result = text.and_then(|text| serde_json::from_slice(&text).ok());
     Ok(CompressDetails { line, result, files: files(&folder) })
 }
@@ -91,7 +92,7 @@ pub(super) fn details(
 pub(super) fn open(recording: &Recording, name: &str, file: &str) -> Result<File, CompressError> {
     let folder = recording.compression_path(name)?;
     let listed = files(&folder).into_iter().find(|f| f.file == file).ok_or(CompressError::Absent)?;
-    File::open(folder.join(listed.file)).map_err(|_| CompressError::Absent)
+    open_inside(&folder, &listed.file).map_err(|_| CompressError::Absent)
 }
 
 /// The results in a folder: plain files with plain names; not what only a resumed run reads.
