@@ -149,6 +149,17 @@ pub fn resume(
     control: &Control,
     watcher: &Watcher,
 ) -> Result<Resumed, DaemonError> {
+    match take_up(folder, quality)? {
+        Err(nothing_to_do) => Ok(nothing_to_do),
+        Ok(begun) => begun.run(None, control, watcher).map(|done| Resumed::Done(Box::new(done))),
+    }
+}
+
+/// Opens a session to go on with, and the rig where views are missing; what there is where nothing is left to do.
+pub(super) fn take_up(
+    folder: &Path,
+    quality: Option<QualityMode>,
+) -> Result<Result<Begun, Resumed>, DaemonError> {
     let session = Session::open(folder)?;
     let recording = session.recording();
     let manifest = recording.manifest();
@@ -157,7 +168,7 @@ pub fn resume(
         let mut result = result.clone();
         // The session may have been moved since.
         result["products"] = serde_json::json!(product_paths(folder, recording.products()));
-        return Ok(Resumed::NothingToDo { session, views, result });
+        return Ok(Err(Resumed::NothingToDo { session, views, result }));
     }
     let (config, _) = computation(recording)?;
     let mesh = made_before(recording)?.and_then(|before| before.mesh);
@@ -174,7 +185,7 @@ pub fn resume(
         devices::Rig { stage: Box::new(stage), camera: Box::new(camera), truth: None }
     };
     let gates = missing && quality.unwrap_or(config.acquire.quality) == QualityMode::Gate;
-    Begun { session, rig, mesh, gates }.run(None, control, watcher).map(|done| Resumed::Done(Box::new(done)))
+    Ok(Ok(Begun { session, rig, mesh, gates }))
 }
 
 impl Begun {

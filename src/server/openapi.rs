@@ -6,7 +6,7 @@ use serde::Serialize;
 use utoipa::{OpenApi, ToSchema};
 
 use super::error::{ErrorBody, ErrorText};
-use super::status::{HullPoint, RunState, Stage, Status, ViewVerdict, ViewWarning};
+use super::status::{HullPoint, RejectedPicture, RunState, Stage, Status, ViewVerdict, ViewWarning};
 use super::{CompressionStarted, CompressionStatus, RunRequest, RunStarted, compressing, routes, stream};
 use crate::daemon::{CompressMaterial, CompressRequest};
 
@@ -23,7 +23,9 @@ use crate::daemon::{CompressMaterial, CompressRequest};
         routes::doctor,
         routes::sessions,
         routes::session,
+        routes::resume_session,
         routes::frame,
+        routes::rejected,
         routes::preview,
         routes::product,
         compressing::start,
@@ -42,6 +44,7 @@ use crate::daemon::{CompressMaterial, CompressRequest};
         Stage,
         ViewVerdict,
         ViewWarning,
+        RejectedPicture,
         RunRequest,
         RunStarted,
         CompressRequest,

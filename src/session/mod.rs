@@ -5,6 +5,7 @@
 //!           journal.jsonl    what happened, a line each, each with the hash of the line before
 //!           frames/          the camera's own bytes
 //!           products/        what was computed from them
+//!           rejected/        pictures that were refused, for whoever looks for the cause; no part of what was recorded
 //!           compressions/    the grain between two plates, a folder for each; no part of what was recorded
 //!           lock             held by the one process that writes
 //! ```
@@ -21,6 +22,7 @@ pub mod manifest;
 mod name;
 pub mod picture;
 mod recording;
+mod rejected;
 pub mod replay;
 mod store;
 mod verify;
@@ -31,6 +33,7 @@ pub use error::SessionError;
 pub use manifest::{Manifest, Origin, Plan, PlannedView, required_bytes};
 pub use name::check_name;
 pub use recording::{Recording, State};
+pub use rejected::Rejection;
 pub use store::{Staged, Store, Summary};
 pub use verify::{Fault, VerifyReport, verify};
 pub use writer::{ProductWriter, Session};

@@ -2,7 +2,7 @@
 
 use super::SessionError;
 use super::disk::{LOCK, Lock, sha256_hex};
-use super::recording::{COMPRESSIONS, FRAMES, JOURNAL, MANIFEST, PRODUCTS, Recording, State};
+use super::recording::{COMPRESSIONS, FRAMES, JOURNAL, MANIFEST, PRODUCTS, REJECTED, Recording, State};
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -131,8 +131,9 @@ pub fn verify(folder: &Path) -> Result<VerifyReport, SessionError> {
     } else if recording.torn_bytes() > 0 && !report.busy {
         report.faults.push(Fault::Torn { bytes: recording.torn_bytes() });
     }
-    let mut known =
-        BTreeSet::from([MANIFEST, JOURNAL, LOCK, FRAMES, PRODUCTS, COMPRESSIONS].map(str::to_owned));
+    let mut known = BTreeSet::from(
+        [MANIFEST, JOURNAL, LOCK, FRAMES, PRODUCTS, COMPRESSIONS, REJECTED].map(str::to_owned),
+    );
     for v in recording.views() {
         report.frames += 1;
         let file = format!("{FRAMES}/{}", v.file);

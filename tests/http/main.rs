@@ -4,6 +4,7 @@ mod compressions;
 mod daemon;
 mod ending;
 mod hostile;
+mod resuming;
 mod runs;
 #[path = "../sse/mod.rs"]
 mod sse;
