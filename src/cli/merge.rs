@@ -1,9 +1,9 @@
 //! `grainrig merge`.
 
-use super::Common;
 use super::output::{print, print_json};
 use super::progress::Progress;
 use super::reconstruct::MeshOptions;
+use super::{Common, next};
 use crate::daemon::{self, MergeFinished};
 use anyhow::Result;
 use clap::Args;
@@ -80,5 +80,5 @@ fn summary(done: &MergeFinished) -> String {
     ));
     lines.extend(r.products.iter().map(|(kind, path)| format!("{kind:<10} {path}")));
     lines.extend(r.warnings.iter().map(|w| format!("note       {w}")));
-    lines.join("\n") + "\n"
+    lines.join("\n") + "\n" + &next::after_merge(r).unwrap_or_default()
 }
