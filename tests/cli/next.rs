@@ -19,7 +19,7 @@ fn what_made_a_grain_ends_with_the_next_command_to_try() {
     assert_eq!(command, compress("a"));
     // This program takes it: it finds the session, and gets as far as a figure that makes no sense.
     let args: Vec<&str> = command[..2].iter().map(String::as_str).chain(["--poisson", "0.5"]).collect();
-    lab.run(&args).fails(1, &["poisson = 0.5"]);
+    lab.run(&args).fails(2, &["poisson = 0.5"]);
     assert_eq!(next(&lab.run(&["reconstruct", "a"]).succeeds().stdout), compress("a"));
     lab.photos("photos");
     assert_eq!(next(&lab.import("photos", &[]).succeeds().stdout), compress("photos"));
