@@ -123,3 +123,60 @@ fn the_doctor_and_the_list_of_devices_know_the_simulated_rig() {
         ran.stdout
     );
 }
+
+/// Comes into the camera's process before its first instruction and ends it, or lets it hang.
+const DYING_CAMERA: &str = r#"
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+__attribute__((constructor)) static void die(void) {
+    char told[4096] = {0};
+    FILE *from = fopen("/proc/self/cmdline", "r");
+    size_t n = from ? fread(told, 1, sizeof told - 1, from) : 0;
+    if (from) fclose(from);
+    for (size_t i = 0; i < n; i++) if (!told[i]) told[i] = ' ';
+    if (!strstr(told, "camera-worker")) return;
+    const char *how = getenv("GRAINRIG_DYING");
+    if (!strcmp(how, "exit")) {
+        fputs("library failed; buy another camera; then go home\n", stderr);
+        _exit(3);
+    }
+    if (!strcmp(how, "chatter")) {
+        puts("hello; world");
+        _exit(0);
+    }
+    if (!strcmp(how, "hang")) for (;;) pause();
+    raise(atoi(how));
+}
+"#;
+
+#[test]
+fn the_doctors_remedy_is_one_however_the_cameras_process_dies() {
+    let lab = Lab::new();
+    let source = lab.write("dying.c", DYING_CAMERA);
+    let library = lab.path("dying.so");
+    let compiled = Command::new("cc").args(["-shared", "-fPIC", "-o"]).arg(&library).arg(&source).output();
+    let Ok(compiled) = compiled else { return println!("skipped: no C compiler `cc`; install gcc") };
+    assert!(compiled.status.success(), "{}", String::from_utf8_lossy(&compiled.stderr));
+    let rig = "[rig]\nkind = \"hardware\"\nstage = \"simulated\"\ncamera = \"gphoto2\"\n[gphoto2]\nretry_s = [0.0]\n";
+    lab.write("rig.toml", rig);
+    lab.write("brief.toml", format!("{rig}start_s = 0.2\n"));
+    for (how, config, found) in [
+        ("exit", "rig.toml", "exit status: 3; it said: library failed; buy another camera; then go home"),
+        ("chatter", "rig.toml", "the camera's process failed"),
+        ("11", "rig.toml", "signal: 11"),
+        ("9", "rig.toml", "signal: 9"),
+        ("hang", "brief.toml", "within 0.2 s: its process was killed"),
+    ] {
+        let mut command = lab.command(&["--json", "--config", config, "doctor"]);
+        let done = command.env("LD_PRELOAD", &library).env("GRAINRIG_DYING", how).output().unwrap();
+        assert_eq!(done.status.code(), Some(1), "{how}");
+        let findings: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
+        let rig = findings.as_array().unwrap().iter().find(|f| f["check"] == "rig").unwrap();
+        let [told, remedy] = ["found", "remedy"].map(|key| rig[key].as_str().unwrap_or_default());
+        assert!(told.contains(found) && told.contains("(2 tries)"), "{how}: {told}");
+        assert!(remedy.starts_with("check the cable and the battery"), "{how}: {remedy}");
+    }
+}

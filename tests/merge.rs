@@ -271,9 +271,13 @@ fn the_program_merges_two_sessions_and_says_how() {
         lab.run(&["--config", "one.toml", "capture", name]).succeeds();
     }
     let told = lab.run(&["merge", "a", "b", "--out", "words"]).succeeds();
-    for part in
-        ["merged     ", "by the 25 views of a alone", "motion     b to a: turned by", "silhouettes unfilled"]
-    {
+    for part in [
+        "merged     ",
+        "by the 25 views of a alone",
+        "motion     b to a: turned by",
+        "silhouettes unfilled",
+        "\nnext       grainrig compress ",
+    ] {
         assert!(told.stdout.contains(part), "{part:?} is missing from: {}", told.stdout);
     }
     assert!(told.stderr.contains("computing: register"), "{}", told.stderr);

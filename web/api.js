@@ -1,16 +1,13 @@
 // @ts-check
-// The daemon's API: requests, and the event stream with its reconnection.
+// The daemon's API: requests, each with a time limit, and addresses.
 
-/** @typedef {import("./status.js").RigEvent} RigEvent */
-/** @typedef {import("./status.js").Status} Status */
+export const API = "/api/v1";
 
-const API = "/api/v1";
-
-/** The kinds of event that the stream names. */
-export const KINDS = [
-  "started", "homed", "moving", "captured", "rejected", "suspended", "paused", "resumed", "aborted",
-  "acquisition_complete", "silhouette", "judged", "hull", "working", "products", "failed", "complete", "compression",
-];
+/** As long as an answer may take, ms; one that waits for the rig to open may take longer. */
+const LIMIT_MS = 10_000;
+const RIG_LIMIT_MS = 60_000;
+/** As long as a daemon that is alive may take to say so. */
+const ALIVE_MS = 4000;
 
 /** A refusal of the daemon, or no answer from it. */
 export class ApiError extends Error {
@@ -27,16 +24,21 @@ export class ApiError extends Error {
 /**
  * @param {string} path
  * @param {RequestInit} [options]
+ * @param {number} [limit_ms]
  * @returns {Promise<any>} The answer's JSON; `null` where it has none.
  */
-async function ask(path, options) {
+async function ask(path, options, limit_ms = LIMIT_MS) {
   let response;
+  let text;
   try {
-    response = await fetch(API + path, { cache: "no-store", ...options });
-  } catch {
-    throw new ApiError("offline", "The daemon does not answer. Check that it runs and that this computer reaches it.");
+    response = await fetch(API + path, { cache: "no-store", signal: AbortSignal.timeout(limit_ms), ...options });
+    text = await response.text();
+  } catch (error) {
+    const late = error instanceof DOMException && error.name === "TimeoutError";
+    throw new ApiError("offline", late
+      ? `The daemon did not answer within ${limit_ms / 1000} s. What was asked may still be done: look at the run’s state before asking again.`
+      : "The daemon does not answer. Check that it runs and that this computer reaches it.");
   }
-  const text = await response.text();
   let answer = null;
   try {
     answer = text === "" ? null : JSON.parse(text);
@@ -45,7 +47,9 @@ async function ask(path, options) {
   }
   if (!response.ok) {
     const error = answer?.error ?? {};
-    throw new ApiError(error.kind ?? "failed", error.message ?? `The daemon answered ${response.status}.`);
+    // An answer without a body has only its number.
+    const kind = error.kind ?? (response.status === 401 ? "unauthorised" : "failed");
+    throw new ApiError(kind, error.message ?? `The daemon answered ${response.status}.`);
   }
   return answer;
 }
@@ -53,14 +57,18 @@ async function ask(path, options) {
 /** @param {string} path */
 export const get = (path) => ask(path);
 
+/** Whether the daemon is there: throws where it is not. */
+export const alive = () => ask("/status", { method: "HEAD" }, ALIVE_MS);
+
 /**
  * @param {string} path
  * @param {unknown} [body]
  */
 export function post(path, body) {
-  if (body === undefined) return ask(path, { method: "POST" });
+  const limit_ms = path === "/runs" || path.startsWith("/sessions/") ? RIG_LIMIT_MS : LIMIT_MS;
+  if (body === undefined) return ask(path, { method: "POST" }, limit_ms);
   const headers = { "content-type": "application/json" };
-  return ask(path, { method: "POST", headers, body: JSON.stringify(body) });
+  return ask(path, { method: "POST", headers, body: JSON.stringify(body) }, limit_ms);
 }
 
 /**
@@ -71,6 +79,19 @@ export function post(path, body) {
 export function fileUrl(session, folder, file) {
   return `${API}/sessions/${encodeURIComponent(session)}/${folder}/${encodeURIComponent(file)}`;
 }
+
+/**
+ * The last refused picture of a view.
+ * @param {string} session
+ * @param {number} view
+ * @param {number} tries Tells this one from the one before.
+ */
+export function rejectedUrl(session, view, tries) {
+  return `${API}/sessions/${encodeURIComponent(session)}/rejected/${view}?picture=${tries}`;
+}
+
+/** @param {string} session */
+export const resumeUrl = (session) => `/sessions/${encodeURIComponent(session)}/resume`;
 
 /**
  * @param {string} session
@@ -92,58 +113,4 @@ export function compressionUrl(session, name, file) {
   if (name === undefined) return list;
   const one = `${list}/${encodeURIComponent(name)}`;
   return file === undefined ? one : `${API}${one}/files/${encodeURIComponent(file)}`;
-}
-
-/**
- * Follows the event stream for as long as the page is open.
- *
- * EventSource itself comes back after a lost connection, with the number of the last event. It gives up
- * where the daemon answers with an error or a proxy in between does; then we ask why, and begin anew
- * after that number.
- *
- * @param {object} on
- * @param {(status: Status) => void} on.snapshot
- * @param {(event: RigEvent) => void} on.event
- * @param {(kind: "live"|"waiting"|"offline"|"locked") => void} on.connection
- */
-export function follow(on) {
-  /** @type {string|null} */
-  let last = null;
-  let pause_ms = 1000;
-
-  const open = () => {
-    const source = new EventSource(API + "/events" + (last === null ? "" : `?after=${last}`));
-    source.onopen = () => {
-      pause_ms = 1000;
-      on.connection("live");
-    };
-    source.addEventListener("snapshot", (message) => {
-      last = message.lastEventId;
-      on.snapshot(JSON.parse(message.data).status);
-    });
-    for (const kind of KINDS) {
-      source.addEventListener(kind, (message) => {
-        last = message.lastEventId;
-        on.event(JSON.parse(message.data));
-      });
-    }
-    source.onerror = async () => {
-      if (source.readyState !== EventSource.CLOSED) {
-        on.connection("waiting");
-        return;
-      }
-      try {
-        await get("/status");
-        on.connection("waiting");
-      } catch (error) {
-        const locked = error instanceof ApiError && error.kind === "unauthorised";
-        on.connection(locked ? "locked" : "offline");
-        // The form opens the page anew; there is nothing to wait for.
-        if (locked) return;
-      }
-      setTimeout(open, pause_ms);
-      pause_ms = Math.min(pause_ms * 2, 15_000);
-    };
-  };
-  open();
 }

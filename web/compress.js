@@ -4,6 +4,7 @@
 import { compressionUrl, get } from "./api.js";
 import { drawCurve } from "./curve.js";
 import { make, part, write } from "./dom.js";
+import { clearFault, fieldOf, tellFault } from "./fault.js";
 import { compressing, duration, figure, number } from "./format.js";
 import { links } from "./sessions.js";
 
@@ -18,32 +19,35 @@ let shown = null;
 let asked = "";
 /** @type {{ result: any, files: { file: string }[] }|null} The shown one's results. */
 let results = null;
-/** @type {(error: unknown) => void} */
-let complain = () => {};
-let ready = false;
+/** Whether the daemon can be asked by the button of that name. */
+let ready = (/** @type {string} */ _button) => false;
+/** Whether a person has chosen the session, rather than the run that ended last. */
+let chosen = false;
 
 const session = () => /** @type {HTMLSelectElement} */ (part("press-session"));
 const goesOn = (/** @type {Compression|null} */ one) => one !== null && ["meshing", "running"].includes(one.state);
 const same = (/** @type {Named|null} */ a, /** @type {Named|null} */ b) => a?.session === b?.session && a?.name === b?.name;
 
 /**
- * @param {object} on
- * @param {(path: string, body?: unknown) => Promise<boolean>} on.want
- * @param {(error: unknown) => void} on.complain
+ * @param {(path: string, by: { button: string, fault: string, body?: unknown, cause?: (error: unknown) => HTMLElement|null }) => Promise<boolean>} want
  */
-export function listenToPress(on) {
-  complain = on.complain;
+export function listenToPress(want) {
   const form = /** @type {HTMLFormElement} */ (part("press-form"));
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     // What is being begun is what a person wants to see.
-    void on.want(compressionUrl(session().value), request(form)).then((begun) => begun && look(live));
+    const cause = (/** @type {unknown} */ error) => fieldOf(form, error);
+    void want(compressionUrl(session().value), { button: "press-start", fault: "press-fault", body: request(form), cause }).then((begun) => begun && look(live));
   });
   part("press-material").addEventListener("change", showYield);
-  session().addEventListener("change", () => void showEarlier());
-  part("press-cancel").addEventListener("click", () => void on.want("/compressions/current/cancel"));
+  session().addEventListener("change", () => {
+    chosen = true;
+    void showEarlier();
+  });
+  const steer = (/** @type {string} */ button, /** @type {string} */ path) => void want(path, { button, fault: "press-control-fault" });
+  part("press-cancel").addEventListener("click", () => steer("press-cancel", "/compressions/current/cancel"));
   part("press-resume").addEventListener("click", () => {
-    if (shown) void on.want(`${compressionUrl(shown.session, shown.name)}/resume`);
+    if (shown) steer("press-resume", `${compressionUrl(shown.session, shown.name)}/resume`);
   });
   new ResizeObserver(() => drawCurve(part("press-chart"), shown?.curve ?? [])).observe(part("press-chart"));
 }
@@ -69,9 +73,9 @@ function showYield() {
  */
 export function offerSessions(sessions, current) {
   const complete = sessions.filter((one) => one.state === "complete" && !one.damage).map((one) => one.name);
-  const chosen = session().value;
+  const before = session().value;
   session().replaceChildren(...complete.map((name) => make("option", { value: name }, name)));
-  const wanted = complete.includes(chosen) ? chosen : complete.includes(current) ? current : complete[0];
+  const wanted = chosen && complete.includes(before) ? before : complete.includes(current) ? current : complete[0];
   if (wanted !== undefined) session().value = wanted;
   part("press-form").hidden = complete.length === 0;
   part("no-grain").hidden = complete.length > 0;
@@ -88,8 +92,9 @@ async function showEarlier() {
   let all = [];
   try {
     all = await get(compressionUrl(of));
+    clearFault("press-earlier-fault");
   } catch (error) {
-    complain(error);
+    tellFault("press-earlier-fault", error);
   }
   if (session().value !== of) return;
   part("press-earlier").hidden = all.length === 0;
@@ -117,15 +122,16 @@ async function look(which) {
     const curve = result?.curve ?? [];
     shown = { ...which, state, done: state === "complete" ? 1 : 0, left_s: null, contacts: 0, curve, error: null };
     show();
+    clearFault("press-earlier-fault");
   } catch (error) {
-    complain(error);
+    tellFault("press-earlier-fault", error);
   }
 }
 
 /**
  * Shows where the compression stands.
  * @param {Compression|null} now
- * @param {boolean} may Whether the daemon can be asked for something.
+ * @param {(button: string) => boolean} may Whether the daemon can be asked by the button of that name.
  */
 export function showPress(now, may) {
   const before = live;
@@ -141,7 +147,7 @@ function show() {
   const one = shown;
   part("press").hidden = one === null;
   const enable = (/** @type {string} */ id, /** @type {boolean} */ on) => {
-    /** @type {HTMLButtonElement} */ (part(id)).disabled = !(ready && on);
+    /** @type {HTMLButtonElement} */ (part(id)).disabled = !(ready(id) && on);
   };
   enable("press-start", !goesOn(live));
   if (one === null) return;
@@ -178,13 +184,15 @@ async function showResults(one, active) {
   asked = key;
   results = null;
   part("press-results").hidden = true;
+  part("press-verdict").hidden = true;
+  part("press-state").dataset.verdict = "none";
   if (key === "") return;
   try {
     const answer = await get(compressionUrl(one.session, one.name));
     if (asked !== key) return;
     results = answer;
   } catch (error) {
-    complain(error);
+    tellFault("press-control-fault", error);
   }
   drawResults(one);
 }
@@ -200,6 +208,10 @@ function drawResults(one) {
       make("div", {}, make("dt", {}, label), make("dd", {}, value), make("dd", { class: "hint" }, how)),
     ),
   );
+  const doubts = result.warnings.length;
+  part("press-state").dataset.verdict = doubts > 0 ? "doubtful" : "good";
+  part("press-verdict").hidden = doubts === 0;
+  write(part("press-verdict"), doubts === 0 ? "" : `! Doubtful: ${doubts} warning${doubts > 1 ? "s" : ""}, below the figures`);
   part("press-warnings").replaceChildren(...result.warnings.map((/** @type {string} */ text) => make("li", {}, text)));
   const sheet = /** @type {HTMLAnchorElement} */ (part("press-sheet"));
   const has = (/** @type {string} */ file) => files.some((one) => one.file === file);

@@ -1,14 +1,18 @@
 // @ts-check
 // The monitor page: shows the run as the daemon's events tell it, and hands on what a person wants.
 
-import { ApiError, follow, post } from "./api.js";
+import { ApiError, post, resumeUrl } from "./api.js";
 import { draw } from "./chart.js";
 import { listenToPress, offerSessions, showPress } from "./compress.js";
 import { make, part, write } from "./dom.js";
+import { clearFault, tellFault } from "./fault.js";
 import { duration, figure, headlines, leaves, line, nextName, stageName, volume } from "./format.js";
 import { chooseParts, showPicture } from "./picture.js";
-import { files, showSessions } from "./sessions.js";
+import { showRejected } from "./rejected.js";
+import { files, grading, showSessions } from "./sessions.js";
 import { fold, idle } from "./status.js";
+import { judge } from "./verdict.js";
+import { watch } from "./watch.js";
 
 /** @typedef {import("./status.js").Status} Status */
 /** @typedef {import("./status.js").RigEvent} RigEvent */
@@ -34,7 +38,10 @@ let status = idle();
 /** When the estimate of the time left was made, by this computer's clock. */
 let estimated_at_ms = 0;
 let connected = false;
-let asking = false;
+/** When the daemon was last heard, by this computer's clock; meant only while it is not. */
+let heard_at_ms = 0;
+/** The buttons whose request has no answer yet. */
+const asked = /** @type {Set<string>} */ (new Set());
 let rendering = false;
 
 /** Renders once for all events that come in one turn: after a reconnection there may be hundreds. */
@@ -45,6 +52,7 @@ function show() {
     rendering = false;
     showRun();
     showPicture(status);
+    showRejected(status);
     showHull();
     showResult();
     showControls();
@@ -55,7 +63,11 @@ function showRun() {
   const state = part("state");
   write(state, STATE_NAMES[status.state] ?? status.state);
   state.dataset.state = status.state;
-  document.title = `${state.textContent} – grainrig`;
+  const verdict = status.state === "complete" ? judge(status.result) : null;
+  state.dataset.verdict = verdict?.grade ?? "none";
+  part("verdict").hidden = verdict === null;
+  if (verdict) part("verdict").replaceChildren(...grading(verdict));
+  document.title = `${state.textContent}${verdict ? `, ${verdict.grade}` : ""} – grainrig`;
   write(part("session"), status.session ?? "");
   write(part("doing"), doing());
   const progress = /** @type {HTMLProgressElement} */ (part("progress"));
@@ -64,6 +76,7 @@ function showRun() {
   progress.value = computing ? (status.stage?.done ?? 0) : Math.min(status.captured, progress.max);
   progress.setAttribute("aria-label", computing ? stageName(status.stage?.name ?? "") : "Views captured");
   progress.dataset.state = status.state;
+  progress.dataset.verdict = state.dataset.verdict;
   write(part("step"), status.views > 0 ? `${status.captured} of ${status.views}` : "–");
   write(part("angle"), status.angle_deg === null ? "–" : `${status.angle_deg.toFixed(1)}°`);
   showRemaining();
@@ -105,9 +118,9 @@ function doing() {
     case "complete":
       return "All views are captured and the products are written.";
     case "aborted":
-      return `What was captured stays on disk; “grainrig resume ${status.session}” goes on with it.`;
+      return "What was captured stays on disk; Resume goes on with it.";
     case "failed":
-      return `What was captured stays on disk; once the cause is mended, “grainrig resume ${status.session}” goes on.`;
+      return "What was captured stays on disk; once the cause is mended, Resume goes on.";
     default:
       return "";
   }
@@ -115,9 +128,11 @@ function doing() {
 
 function showRemaining() {
   const { remaining_s, state } = status;
+  // Nothing is known of what happens while the daemon is not heard.
+  const now_ms = connected ? Date.now() : Math.max(heard_at_ms, estimated_at_ms);
   let text = "–";
   if (remaining_s !== null && state === "paused") text = duration(remaining_s);
-  else if (remaining_s !== null) text = duration(remaining_s - (performance.now() - estimated_at_ms) / 1000);
+  else if (remaining_s !== null) text = duration(remaining_s - (now_ms - estimated_at_ms) / 1000);
   write(part("remaining"), text);
 }
 
@@ -179,21 +194,28 @@ function showResult() {
 function showControls() {
   const { state } = status;
   const active = ["starting", "running", "paused", "computing"].includes(state);
-  const ready = connected && !asking;
+  const ready = (/** @type {string} */ id) => connected && !asked.has(id);
   const enable = (/** @type {string} */ id, /** @type {boolean} */ on) => {
-    /** @type {HTMLButtonElement} */ (part(id)).disabled = !(ready && on);
+    /** @type {HTMLButtonElement} */ (part(id)).disabled = !(ready(id) && on);
   };
   enable("start-button", !active);
   enable("pause", state === "starting" || state === "running");
-  enable("resume", state === "paused");
+  enable("resume", state === "paused" || isUnfinished(status));
   // A mesh that is being made ends by itself.
   enable("abort", active && state !== "computing");
   showPress(status.compression, ready);
 }
 
+/**
+ * Whether the last run ended before its session was complete.
+ * @param {Status} status
+ */
+const isUnfinished = ({ state, session }) => session !== null && (state === "aborted" || state === "failed");
+
 /** Asks for the sessions, shows them, and offers those that can be compressed. */
 async function refreshSessions() {
-  offerSessions(await showSessions(complain), status.session);
+  const sessions = await showSessions({ over: isUnfinished(status) ? status.session : null, want });
+  if (sessions !== null) offerSessions(sessions, status.session);
 }
 
 /** @param {RigEvent} event */
@@ -212,31 +234,30 @@ function note(event) {
   while (log.children.length > LOG_LINES) log.lastElementChild?.remove();
 }
 
-/** @param {unknown} error */
-function complain(error) {
-  part("problem").hidden = false;
-  write(part("problem-text"), error instanceof Error ? error.message : String(error));
-}
-
 /**
- * Asks the daemon for something; one request at a time, so that a second click does nothing.
+ * Asks the daemon for something; a second click before the answer does nothing.
  * @param {string} path
- * @param {unknown} [body]
+ * @param {object} by
+ * @param {string} by.button The id of the button that asks.
+ * @param {string} by.fault The id of the paragraph that tells of a failure.
+ * @param {unknown} [by.body]
+ * @param {(error: unknown) => HTMLElement|null} [by.cause] The field that a refusal speaks of.
  * @returns {Promise<boolean>} Whether it was done.
  */
-async function want(path, body) {
-  asking = true;
+async function want(path, { button, fault, body, cause }) {
+  if (asked.has(button)) return false;
+  asked.add(button);
+  clearFault(fault);
   showControls();
   try {
     await post(path, body);
-    part("problem").hidden = true;
     return true;
   } catch (error) {
-    complain(error);
+    tellFault(fault, error, cause?.(error) ?? document.getElementById(button));
     if (error instanceof ApiError && error.kind === "unauthorised") part("locked").hidden = false;
     return false;
   } finally {
-    asking = false;
+    asked.delete(button);
     showControls();
   }
 }
@@ -249,49 +270,57 @@ function listen() {
   part("start").addEventListener("submit", (event) => {
     event.preventDefault();
     const taken = name.value;
-    void want("/runs", { name: taken }).then((begun) => {
+    const cause = (/** @type {unknown} */ error) => (error instanceof ApiError && error.kind === "invalid" ? name : null);
+    void want("/runs", { button: "start-button", fault: "start-fault", body: { name: taken }, cause }).then((begun) => {
       // Unless somebody has typed another meanwhile.
       if (begun && name.value === taken) name.value = nextName(taken);
     });
   });
-  part("pause").addEventListener("click", () => void want("/runs/current/pause"));
-  part("resume").addEventListener("click", () => void want("/runs/current/resume"));
+  const steer = (/** @type {string} */ button, path = `/runs/current/${button}`) => void want(path, { button, fault: "control-fault" });
+  part("pause").addEventListener("click", () => steer("pause"));
+  part("resume").addEventListener("click", () => {
+    if (isUnfinished(status)) steer("resume", resumeUrl(status.session ?? ""));
+    else steer("resume");
+  });
   const sure = /** @type {HTMLDialogElement} */ (part("sure"));
   part("abort").addEventListener("click", () => {
     sure.returnValue = "keep";
     sure.showModal();
   });
   sure.addEventListener("close", () => {
-    if (sure.returnValue === "abort") void want("/runs/current/abort");
+    if (sure.returnValue === "abort") steer("abort");
   });
-  part("problem-close").addEventListener("click", () => (part("problem").hidden = true));
   chooseParts(show);
-  listenToPress({ want, complain });
+  listenToPress(want);
   new ResizeObserver(drawHull).observe(part("chart"));
   setInterval(showRemaining, 1000);
 }
 
 listen();
 show();
-follow({
-  snapshot(now) {
+watch({
+  snapshot(now, at_ms) {
     status = now;
-    estimated_at_ms = performance.now();
+    estimated_at_ms = at_ms;
     show();
     void refreshSessions();
   },
   event(event) {
     status = fold(status, event);
-    if (event.event === "captured" || event.event === "resumed") estimated_at_ms = performance.now();
+    if (event.event === "captured" || event.event === "resumed") estimated_at_ms = Date.now();
     note(event);
     show();
     if (["started", "aborted", "failed", "complete"].includes(event.event)) void refreshSessions();
   },
-  connection(kind) {
+  connection(kind, heard_ms) {
     connected = kind === "live";
+    heard_at_ms = heard_ms;
+    document.body.classList.toggle("stale", !connected);
     const pill = part("connection");
     pill.dataset.kind = kind;
-    write(pill, CONNECTIONS[kind]);
+    const heard = connected || heard_ms === 0 ? "" : `, last heard ${new Date(heard_ms).toLocaleTimeString("en-GB")}`;
+    write(pill, CONNECTIONS[kind] + heard);
+    showRemaining();
     part("locked").hidden = kind !== "locked";
     showControls();
   },

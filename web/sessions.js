@@ -1,34 +1,41 @@
 // @ts-check
 // The sessions in the data folder, and the files of one.
 
-import { fileUrl, get } from "./api.js";
+import { fileUrl, get, rejectedUrl, resumeUrl } from "./api.js";
 import { make, part } from "./dom.js";
+import { clearFault, tellFault } from "./fault.js";
+import { GRADES, judge } from "./verdict.js";
+
+/** @typedef {(path: string, by: { button: string, fault: string }) => Promise<boolean>} Want */
 
 /**
  * Asks for the list and shows it.
- * @param {(error: unknown) => void} complain
- * @returns {Promise<any[]>} The sessions, the newest first.
+ * @param {object} by
+ * @param {string|null} by.over The session whose run has just ended unfinished, though the daemon may still be letting go of it.
+ * @param {Want} by.want
+ * @returns {Promise<any[]|null>} The sessions, the newest first; `null` where they could not be had.
  */
-export async function showSessions(complain) {
+export async function showSessions({ over, want }) {
   /** @type {any[]} */
   let sessions;
   try {
     sessions = await get("/sessions");
   } catch (error) {
-    complain(error);
-    return [];
+    tellFault("sessions-fault", error);
+    return null;
   }
+  clearFault("sessions-fault");
   part("no-sessions").hidden = sessions.length > 0;
-  part("sessions").replaceChildren(...sessions.map((session) => sessionItem(session, complain)));
+  part("sessions").replaceChildren(...sessions.map((session) => sessionItem(session.name === over ? { ...session, busy: false } : session, want)));
   return sessions;
 }
 
 /**
  * One session, whose files are asked for when it is opened.
  * @param {any} session
- * @param {(error: unknown) => void} complain
+ * @param {Want} want
  */
-function sessionItem(session, complain) {
+function sessionItem(session, want) {
   const about = [];
   if (session.created) about.push(new Date(session.created).toLocaleString("en-GB", { dateStyle: "medium", timeStyle: "short" }));
   // While a run writes it, what is on the disk is not yet what it will be.
@@ -45,14 +52,41 @@ function sessionItem(session, complain) {
     if (!(/** @type {HTMLDetailsElement} */ (item).open) || item.dataset.asked) return;
     item.dataset.asked = "yes";
     try {
-      const { frames = [], products = [] } = await get(`/sessions/${encodeURIComponent(session.name)}`);
+      const { frames = [], products = [], rejected = [], result } = await get(`/sessions/${encodeURIComponent(session.name)}`);
+      const verdict = judge(result);
+      if (verdict) item.append(make("div", { class: "grading" }, ...grading(verdict)));
       item.append(files(session.name, "products", products), files(session.name, "frames", frames));
+      item.append(...rejected.map((/** @type {any} */ one) => refused(session.name, one)));
     } catch (error) {
       delete item.dataset.asked;
-      complain(error);
+      tellFault("sessions-fault", error);
     }
   });
-  return make("li", {}, item);
+  if (!unfinished || session.busy || session.damage) return make("li", {}, item);
+  const id = `resume-${session.name}`;
+  const resume = make("button", { type: "button", class: "quiet", id, "aria-label": `Resume ${session.name}` }, "Resume");
+  resume.addEventListener("click", () => void want(resumeUrl(session.name), { button: id, fault: "sessions-fault" }));
+  return make("li", { class: "unfinished" }, item, resume);
+}
+
+/**
+ * A picture that was refused, by its cause.
+ * @param {string} session
+ * @param {{ view: number, tries: number, cause: string }} one
+ */
+function refused(session, { view, tries, cause }) {
+  return make("p", { class: "hint" }, make("a", { href: rejectedUrl(session, view, tries) }, `Refused picture of view ${view + 1}`), `: ${cause}`);
+}
+
+/**
+ * A verdict with its reasons.
+ * @param {import("./verdict.js").Grading} verdict
+ */
+export function grading({ grade, reasons }) {
+  const { mark, word } = GRADES[grade];
+  const why = reasons.length === 0 ? "no warnings, and the hull fills every silhouette" : `${reasons.length} reason${reasons.length > 1 ? "s" : ""}`;
+  const title = make("p", { "data-grade": grade }, make("span", { "aria-hidden": "true" }, `${mark} `), make("b", {}, word), `: ${why}`);
+  return reasons.length === 0 ? [title] : [title, make("ul", { class: "lines" }, ...reasons.map((reason) => make("li", {}, reason)))];
 }
 
 /**

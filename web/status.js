@@ -31,6 +31,7 @@
  * @property {HullPoint[]} hull
  * @property {{ name: string, done: number }|null} stage
  * @property {{ view: number, verdict: Verdict|null, text: string }[]} warnings
+ * @property {{ view: number, tries: number, cause: string }|null} rejected
  * @property {string[]} products
  * @property {unknown} result
  * @property {string|null} error
@@ -57,6 +58,7 @@ export function idle() {
     hull: [],
     stage: null,
     warnings: [],
+    rejected: null,
     products: [],
     result: null,
     error: null,
@@ -119,6 +121,7 @@ export function fold(before, event) {
       return {
         ...before,
         captured: before.captured + 1,
+        rejected: before.rejected?.view === event.view ? null : before.rejected,
         view: there ? event.view : before.view,
         angle_deg: there ? event.reached_deg : before.angle_deg,
         remaining_s: event.remaining_s,
@@ -139,7 +142,12 @@ export function fold(before, event) {
     case "judged":
       return { ...before, warnings: more(before, event.view, event.verdict ?? null, event.warnings) };
     case "rejected":
-      return { ...before, warnings: more(before, event.view, "bad", [event.cause]) };
+      return {
+        ...before,
+        warnings: more(before, event.view, "bad", [event.cause]),
+        // Without a number it is a picture that was kept.
+        rejected: event.tries ? { view: event.view, tries: event.tries, cause: event.cause } : before.rejected,
+      };
     case "hull": {
       const point = { views: event.views, volume_mm3: event.volume_mm3 };
       return { ...before, hull: [...before.hull, point].slice(0, HULL_POINTS_KEPT) };

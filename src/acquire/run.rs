@@ -268,6 +268,9 @@ impl Run<'_> {
         let (encoding, size) = match probe(&frame.bytes, self.size) {
             Ok(found) => found,
             Err(fault) => {
+                if let Some(planned) = self.missing.front() {
+                    self.sink.refused(planned, &frame);
+                }
                 let tries = self.reject(view, bad, &fault.to_string())?;
                 if tries > self.plan.retakes {
                     return Err(AcquireError::BadFrames { view, tries, fault });

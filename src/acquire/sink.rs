@@ -44,6 +44,10 @@ pub trait FrameSink {
     /// # Errors
     /// [`SessionError`] where it is good but not durable.
     fn verdict(&mut self) -> Result<Fate, SessionError>;
+    /// A picture is no whole picture, or not like the others: it may be kept for whoever looks for the cause.
+    fn refused(&mut self, view: &PlannedView, frame: &Frame) {
+        let _ = (view, frame);
+    }
     /// Something else happened.
     ///
     /// # Errors
@@ -114,7 +118,10 @@ fn keep(
 ) {
     for Offered { view, reached, frame, remaining_s } in offered {
         let (fate, captured) = match judge.examine(&view, reached, &frame) {
-            Err(cause) => (Ok(Fate::Refused(cause)), None),
+            Err(cause) => {
+                keep_rejected(session, &view, &frame);
+                (Ok(Fate::Refused(cause)), None)
+            }
             Ok(seen) => match lock(session).record_frame(view.index, reached, &frame, remaining_s) {
                 Ok(captured) => (Ok(Fate::Kept), Some((captured, seen))),
                 Err(error) => (Err(error), None),
@@ -125,6 +132,16 @@ fn keep(
         if let Some((captured, seen)) = captured {
             judge.kept(captured, frame, seen);
         }
+    }
+}
+
+/// A picture that is no evidence ends no run where it can't be kept.
+fn keep_rejected(session: &Mutex<Session>, view: &PlannedView, frame: &Frame) {
+    if frame.bytes.is_empty() {
+        return;
+    }
+    if let Err(error) = lock(session).keep_rejected(view.index, frame) {
+        tracing::warn!("the refused picture of view {} is not kept: {error}", view.index);
     }
 }
 
@@ -170,6 +187,10 @@ impl FrameSink for SessionSink<'_> {
             Some(Err(panic)) => std::panic::resume_unwind(panic),
             _ => Err(unheard("the thread that keeps pictures has ended")),
         }
+    }
+
+    fn refused(&mut self, view: &PlannedView, frame: &Frame) {
+        keep_rejected(&self.session, view, frame);
     }
 
     fn event(&mut self, what: Happening) -> Result<(), SessionError> {

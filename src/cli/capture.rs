@@ -3,7 +3,7 @@
 use super::output::{print, print_json, say};
 use super::progress::Progress;
 use super::signals::stoppable;
-use super::{Common, Quality, usage};
+use super::{Common, Quality, next, usage};
 use crate::daemon::{self, Finished, Resumed, ScaleFile};
 use crate::pipeline::OUTLINE;
 use anyhow::Result;
@@ -87,7 +87,7 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         &progress.watcher(),
     );
     progress.finish();
-    report(common, &outcome?)
+    conclude(common, &outcome?)
 }
 
 pub(super) fn resume(common: &Common, arguments: &ResumeArguments) -> Result<()> {
@@ -97,14 +97,14 @@ pub(super) fn resume(common: &Common, arguments: &ResumeArguments) -> Result<()>
     let outcome = daemon::resume(&folder, arguments.quality.map(Into::into), &control, &progress.watcher());
     progress.finish();
     match outcome? {
-        Resumed::Done(done) => report(common, &done),
+        Resumed::Done(done) => conclude(common, &done),
         Resumed::MadeAgain { done, lost } => {
             say(format!(
                 "note: {} of the session's products were missing or had changed ({}) and are made again",
                 lost.len(),
                 lost.join(", ")
             ));
-            report(common, &done)
+            conclude(common, &done)
         }
         Resumed::NothingToDo { session, views, result } => {
             say(format!(
@@ -115,6 +115,12 @@ pub(super) fn resume(common: &Common, arguments: &ResumeArguments) -> Result<()>
             if common.json { print_json(&result) } else { Ok(()) }
         }
     }
+}
+
+/// Tells the user what was made and where it is, and what to do with it.
+pub(super) fn conclude(common: &Common, done: &Finished) -> Result<()> {
+    report(common, done)?;
+    if common.json { Ok(()) } else { print(&next::after(common, done)) }
 }
 
 /// Tells the user what was made and where it is.

@@ -1,6 +1,6 @@
 //! `grainrig import`.
 
-use super::capture::report;
+use super::capture::conclude;
 use super::progress::Progress;
 use super::reconstruct::MeshOptions;
 use super::{Common, usage};
@@ -160,7 +160,7 @@ pub(super) fn run(common: &Common, arguments: Arguments) -> Result<()> {
     let progress = Progress::new();
     let outcome = daemon::import(&common.data, &name, &config, &request, geometry, &progress.watcher());
     progress.finish();
-    report(common, &outcome?)
+    conclude(common, &outcome?)
 }
 
 /// The size of a pixel, from the one option or the other.

@@ -6,7 +6,7 @@ use crate::server::{
     Content, Download, EventFeed, KEPT_EVENTS, Refusal, RefusalKind, Rig, RunRequest, RunStarted,
 };
 use crate::session::event::{CompressionNews, Event, Happening};
-use crate::session::{Hashes, Recording, SessionError, Summary};
+use crate::session::{Hashes, Recording, SessionError, Summary, sha256_hex};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -102,6 +102,11 @@ impl Rig for LocalRig {
         self.host.resume().map_err(|e| self.host_refused(&e))
     }
 
+    fn resume_session(&self, id: &str) -> Result<RunStarted, Refusal> {
+        let session = self.host.resume_session(id).map_err(|e| self.host_refused(&e))?;
+        Ok(RunStarted { session })
+    }
+
     fn abort(&self) -> Result<(), Refusal> {
         self.host.abort().map_err(|e| self.host_refused(&e))
     }
@@ -141,6 +146,7 @@ impl Rig for LocalRig {
             "config": manifest.config,
             "frames": recording.views().collect::<Vec<_>>(),
             "products": recording.products().collect::<Vec<_>>(),
+            "rejected": recording.rejections(),
             "result": recording.result(),
         }))
     }
@@ -166,6 +172,16 @@ impl Rig for LocalRig {
         })?;
         let content = Content::Bytes(made.bytes.to_vec());
         Ok(Download { content_type: "image/jpeg", sha256: made.sha256, content })
+    }
+
+    fn rejected(&self, id: &str, view: usize) -> Result<Download, Refusal> {
+        let frame = self.read(id)?.rejected(view).map_err(|e| refused(&e))?;
+        let frame = frame.ok_or_else(|| absent(id, "refused picture of view", &view.to_string()))?;
+        Ok(Download {
+            content_type: frame.encoding.media_type(),
+            sha256: sha256_hex(&frame.bytes),
+            content: Content::Bytes(frame.bytes),
+        })
     }
 
     fn product(&self, id: &str, file: &str) -> Result<Download, Refusal> {

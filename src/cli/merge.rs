@@ -1,7 +1,7 @@
 //! `grainrig merge`.
 
 use super::Common;
-use super::capture::report;
+use super::capture::conclude;
 use super::progress::Progress;
 use super::reconstruct::MeshOptions;
 use crate::daemon::{self, Finished};
@@ -35,7 +35,7 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let progress = Progress::new();
     let outcome = daemon::merge([&a, &b], &out, arguments.mesh.settings().as_ref(), &progress.watcher());
     progress.finish();
-    report(common, &outcome?)
+    conclude(common, &outcome?)
 }
 
 /// The result of a merging in words, a line for each figure.

@@ -13,6 +13,7 @@ mod local_rig;
 mod merge;
 mod mesh;
 mod mesh_files;
+mod next;
 mod output;
 mod progress;
 mod reconstruct;
@@ -55,6 +56,8 @@ pub struct Cli {
 }
 
 const COMMON: &str = "Common options";
+/// The data folder, unless told.
+const DATA: &str = "data";
 
 /// Options that every command takes.
 #[derive(Debug, Args)]
@@ -64,7 +67,7 @@ struct Common {
     #[arg(long, global = true, value_name = "FILE", help_heading = COMMON)]
     config: Option<PathBuf>,
     /// Folder that holds the sessions.
-    #[arg(long, global = true, value_name = "DIR", default_value = "data", help_heading = COMMON)]
+    #[arg(long, global = true, value_name = "DIR", default_value = DATA, help_heading = COMMON)]
     data: PathBuf,
     /// Print one result object (JSON) on stdout; progress and logs stay on stderr.
     #[arg(long, global = true, help_heading = COMMON)]

@@ -1,7 +1,7 @@
 //! `grainrig reconstruct` and `grainrig replay`.
 
 use super::Common;
-use super::capture::report;
+use super::capture::{conclude, report};
 use super::output::{print, print_json};
 use super::progress::Progress;
 use crate::daemon;
@@ -77,7 +77,7 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         &progress.watcher(),
     );
     progress.finish();
-    report(common, &outcome?)
+    conclude(common, &outcome?)
 }
 
 pub(super) fn replay(common: &Common, arguments: &ReplayArguments) -> Result<()> {

@@ -85,13 +85,8 @@ fn good(check: &'static str, found: String) -> Finding {
     Finding { check, health: Health::Good, found, remedy: None }
 }
 
-/// An error's message has its remedy after the first semicolon.
 fn bad(check: &'static str, error: &RigError) -> Finding {
-    let text = error.to_string();
-    let (found, remedy) = match text.split_once("; ") {
-        Some((found, remedy)) => (found.to_owned(), Some(remedy.to_owned())),
-        None => (text, None),
-    };
+    let (found, remedy) = error.told();
     Finding { check, health: Health::Bad, found, remedy }
 }
 

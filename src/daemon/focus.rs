@@ -37,7 +37,7 @@ pub fn focus(
     for number in 1.. {
         let frame = camera.preview()?;
         let picture = decode(&frame.bytes).map_err(|reason| {
-            RigError::Device(format!("the camera's picture can't be read: {reason}; try another cable"))
+            RigError::fault(format!("the camera's picture can't be read: {reason}"), "try another cable")
         })?;
         let sharpness = sharpness(&picture);
         best = best.max(sharpness);

@@ -1,6 +1,6 @@
 //! The rig's one job at a time, begun by one client and watched by all.
 
-use super::live::{Begun, begin};
+use super::live::{Begun, TakenUp, begin, take_up};
 use super::{DaemonError, DeviceLine, Finding, Watcher, devices, doctor};
 use crate::acquire::{Control, Phase};
 use crate::config::{Config, ConfigError};
@@ -83,6 +83,35 @@ impl Host {
         name: &str,
         overrides: serde_json::Map<String, serde_json::Value>,
     ) -> Result<String, HostError> {
+        self.carry_on(name, || Ok(begin(self.store.data(), name, &self.config.with(overrides)?)?))
+    }
+
+    /// Goes on with a session that was aborted, interrupted or has failed, and returns its name once rig and session are
+    /// there.
+    ///
+    /// # Errors
+    /// [`HostError`] while another run goes on, where nothing is left to do, and where the rig or the session can't be had.
+    pub fn resume_session(&self, name: &str) -> Result<String, HostError> {
+        self.carry_on(name, || {
+            let folder = self.store().folder(name).map_err(DaemonError::from)?;
+            match take_up(&folder, None)? {
+                TakenUp::Run(begun) => Ok(*begun),
+                TakenUp::Nothing(_) => Err(HostError::NotNow(
+                    "the session is complete, nothing is left to do; start a run of another name",
+                )),
+                TakenUp::Again { .. } | TakenUp::Merge(_) => Err(HostError::NotNow(
+                    "its views are complete and its products are to be made again; `grainrig resume` does that",
+                )),
+            }
+        })
+    }
+
+    /// Begins a run on a thread of its own, one at a time.
+    fn carry_on(
+        &self,
+        name: &str,
+        begin: impl FnOnce() -> Result<Begun, HostError>,
+    ) -> Result<String, HostError> {
         let _at_the_rig = self.rig_alone()?;
         let mut job = self.job();
         if self.closed.load(Ordering::Acquire) {
@@ -96,8 +125,7 @@ impl Host {
             let _ = before.thread.recv();
         }
         *job = None;
-        let config = self.config.with(overrides)?;
-        let begun = begin(self.store.data(), name, &config)?;
+        let begun = begin()?;
         let control = Control::attended();
         let told = Arc::new(AtomicBool::new(false));
         let (hang_up, thread) = channel();

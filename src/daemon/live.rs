@@ -155,33 +155,58 @@ pub fn resume(
     control: &Control,
     watcher: &Watcher,
 ) -> Result<Resumed, DaemonError> {
+    match take_up(folder, quality)? {
+        TakenUp::Nothing(nothing) => Ok(nothing),
+        TakenUp::Run(begun) => begun.run(None, control, watcher).map(|done| Resumed::Done(Box::new(done))),
+        TakenUp::Again { before, lost } => made_again(folder, before, lost, watcher),
+        TakenUp::Merge(mesh) => {
+            let done = reconstruct(folder, mesh.as_ref(), false, watcher)?;
+            Ok(Resumed::Done(Box::new(done)))
+        }
+    }
+}
+
+/// What there is to do for a session that was to go on.
+pub(super) enum TakenUp {
+    /// Nothing.
+    Nothing(Resumed),
+    /// Views are missing, or what is computed from them.
+    Run(Box<Begun>),
+    /// The products of a complete session are missing or have changed.
+    Again {
+        /// How they were made.
+        before: Option<MadeBefore>,
+        /// Their names.
+        lost: Vec<String>,
+    },
+    /// Two poses are to be merged again, into this mesh where it is not the configured one.
+    Merge(Option<MeshSettings>),
+}
+
+/// Opens a session to go on with, and the rig where views are missing.
+pub(super) fn take_up(folder: &Path, quality: Option<QualityMode>) -> Result<TakenUp, DaemonError> {
     let mut session = Session::open(folder)?;
     finish::end(&mut session)?;
     let recording = session.recording();
     let manifest = recording.manifest();
     // Before anything is said or done: a session whose evidence is lost is neither complete nor to be gone on with.
-    let faults = damage(recording, recording.state() == State::Complete);
+    let faults = damage(recording);
     if !faults.is_empty() {
         return Err(DaemonError::Damaged { session: manifest.name.clone(), faults });
     }
     if let (State::Complete, Some(result)) = (recording.state(), recording.result()) {
         let lost = recording.changed_products();
         if !lost.is_empty() {
-            let before = made_before(recording)?;
-            drop(session);
-            return made_again(folder, before, lost, watcher);
+            return Ok(TakenUp::Again { before: made_before(recording)?, lost });
         }
         let (session, views) = (manifest.name.clone(), recording.views().len());
         let mut result = result.clone();
         // The session may have been moved since.
         result["products"] = serde_json::json!(product_paths(folder, recording.products()));
-        return Ok(Resumed::NothingToDo { session, views, result });
+        return Ok(TakenUp::Nothing(Resumed::NothingToDo { session, views, result }));
     }
     if manifest.origin == Origin::Merge {
-        let mesh = made_before(recording)?.and_then(|before| before.mesh);
-        drop(session);
-        let done = reconstruct(folder, mesh.as_ref(), false, watcher)?;
-        return Ok(Resumed::Done(Box::new(done)));
+        return Ok(TakenUp::Merge(made_before(recording)?.and_then(|before| before.mesh)));
     }
     let (config, _) = computation(recording)?;
     let mesh = made_before(recording)?.and_then(|before| before.mesh);
@@ -198,7 +223,7 @@ pub fn resume(
         devices::Rig { stage: Box::new(stage), camera: Box::new(camera), truth: None }
     };
     let gates = missing && quality.unwrap_or(config.acquire.quality) == QualityMode::Gate;
-    Begun { session, rig, mesh, gates }.run(None, control, watcher).map(|done| Resumed::Done(Box::new(done)))
+    Ok(TakenUp::Run(Box::new(Begun { session, rig, mesh, gates })))
 }
 
 /// Makes the products of a complete session again that are missing or are not the recorded bytes.

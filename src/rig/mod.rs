@@ -153,9 +153,17 @@ pub enum RigError {
         /// The greatest angle allowed.
         high: Angle,
     },
-    /// The device failed; the text says how, with value, limit and remedy.
+    /// The device failed, and nothing is known that would help; the text says how, with value and limit.
     #[error("{0}")]
     Device(String),
+    /// The device failed, or cannot be used as it is set.
+    #[error("{cause}; {remedy}")]
+    Fault {
+        /// What failed, with value and limit. It may quote other programs, so nobody looks for the remedy in it.
+        cause: String,
+        /// What to do.
+        remedy: String,
+    },
     /// The device does nothing until somebody has done something about it, or until it is tried again.
     #[error("{cause}; {remedy} (the next try is due in {} s)", retry.as_secs())]
     Suspended {
@@ -169,6 +177,30 @@ pub enum RigError {
     /// A recording has no more pictures or angles.
     #[error("the recording ends after {0} views; the plan asks for more")]
     RecordingEnds(usize),
+}
+
+impl RigError {
+    /// A failure and what to do about it.
+    pub fn fault(cause: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self::Fault { cause: cause.into(), remedy: remedy.into() }
+    }
+
+    /// What failed, with value and limit; and what to do, where that is known.
+    pub fn told(&self) -> (String, Option<String>) {
+        let told = |cause: String, remedy: &str| (cause, Some(remedy.to_owned()));
+        match self {
+            Self::OutOfLimits { asked, low, high } => told(
+                format!("the stage was asked for {asked}, its limits are {low} to {high}"),
+                "change the plan or limits_deg",
+            ),
+            Self::Device(text) => (text.clone(), None),
+            Self::Fault { cause, remedy } => told(cause.clone(), remedy),
+            Self::Suspended { cause, remedy, .. } => told(cause.clone(), remedy),
+            Self::RecordingEnds(views) => {
+                told(format!("the recording ends after {views} views"), "the plan asks for more")
+            }
+        }
+    }
 }
 
 /// What a stage without a reference switch can't know when a run is taken up.

@@ -24,24 +24,30 @@ impl Port {
     /// # Errors
     /// [`RigError::Device`] where the port is not there, not permitted, or held: by whom is named.
     pub fn open(path: &Path, baud: u32) -> Result<Self, RigError> {
-        let refused = |why: String| RigError::Device(format!("cannot open {}: {why}", path.display()));
+        let refused = |why: &str, remedy: &str| {
+            RigError::fault(format!("cannot open {}: {why}", path.display()), remedy)
+        };
         if !path.exists() {
-            let remedy = "plug the controller in; `ls /dev/serial/by-id` shows its name";
-            return Err(refused(format!("it is not there; {remedy}")));
+            return Err(refused(
+                "it is not there",
+                "plug the controller in; `ls /dev/serial/by-id` shows its name",
+            ));
         }
         if rustix::fs::access(path, Access::READ_OK | Access::WRITE_OK).is_err() {
             return Err(refused(
-                "permission denied; add yourself to the group that owns it (`ls -l` shows it, usually dialout) and log \
-                 in again, or install udev/60-grainrig.rules"
-                    .into(),
+                "permission denied",
+                "add yourself to the group that owns it (`ls -l` shows it, usually dialout) and log \
+                 in again, or install udev/60-grainrig.rules",
             ));
         }
         // The crate asks the kernel for exclusive use, and locks it against those whom the kernel lets through (root).
         let line =
             serialport::new(path.to_string_lossy(), baud).timeout(SLICE).open_native().map_err(|e| {
-                let by =
-                    holder(path).map_or_else(String::new, |who| format!("; {who} has it open: end it first"));
-                refused(format!("{e}{by}"))
+                let remedy = "check that it is a serial port, and the cable";
+                holder(path).map_or_else(
+                    || refused(&e.to_string(), remedy),
+                    |who| refused(&e.to_string(), &format!("{who} has it open: end it first")),
+                )
             })?;
         Ok(Self { line, waiting: VecDeque::new() })
     }

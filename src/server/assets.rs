@@ -7,7 +7,7 @@ use axum::routing::get;
 use super::routes::App;
 
 /// Address, content type and bytes of every file of the page.
-const FILES: [(&str, &str, &[u8]); 13] = [
+const FILES: [(&str, &str, &[u8]); 19] = [
     ("/", "text/html; charset=utf-8", include_bytes!("../../web/index.html")),
     ("/monitor.css", "text/css; charset=utf-8", include_bytes!("../../web/monitor.css")),
     ("/monitor.js", JS, include_bytes!("../../web/monitor.js")),
@@ -18,6 +18,12 @@ const FILES: [(&str, &str, &[u8]); 13] = [
     ("/compress.js", JS, include_bytes!("../../web/compress.js")),
     ("/picture.js", JS, include_bytes!("../../web/picture.js")),
     ("/sessions.js", JS, include_bytes!("../../web/sessions.js")),
+    ("/stream.js", JS, include_bytes!("../../web/stream.js")),
+    ("/worker.js", JS, include_bytes!("../../web/worker.js")),
+    ("/watch.js", JS, include_bytes!("../../web/watch.js")),
+    ("/fault.js", JS, include_bytes!("../../web/fault.js")),
+    ("/rejected.js", JS, include_bytes!("../../web/rejected.js")),
+    ("/verdict.js", JS, include_bytes!("../../web/verdict.js")),
     ("/dom.js", JS, include_bytes!("../../web/dom.js")),
     ("/api.js", JS, include_bytes!("../../web/api.js")),
     ("/icon.svg", "image/svg+xml", include_bytes!("../../web/icon.svg")),

@@ -42,7 +42,7 @@ pub use download::{Content, Download};
 pub use error::{ErrorBody, ErrorText, Refusal, RefusalKind, ServerError};
 pub use feed::{EventFeed, KEPT_EVENTS, Snapshot, Subscription};
 pub use guard::{MIN_TOKEN_LENGTH, check_bind};
-pub use status::{HullPoint, RunState, Stage, Status, ViewVerdict, ViewWarning};
+pub use status::{HullPoint, RejectedPicture, RunState, Stage, Status, ViewVerdict, ViewWarning};
 
 /// How long open requests may take after the end was asked for.
 const GRACE: Duration = Duration::from_secs(5);
@@ -73,6 +73,14 @@ pub trait Rig: Compressions {
     /// # Errors
     /// [`RefusalKind::Busy`] when no run is paused.
     fn resume(&self) -> Result<(), Refusal>;
+
+    /// Goes on with a session that was aborted, interrupted or has failed, and returns when it is certain that there
+    /// will be a run.
+    ///
+    /// # Errors
+    /// [`RefusalKind::Busy`] while another run goes on or where nothing is left to do, [`RefusalKind::NotFound`] where
+    /// there is no such session.
+    fn resume_session(&self, id: &str) -> Result<RunStarted, Refusal>;
 
     /// Stops the run; what was captured stays.
     ///
@@ -119,6 +127,12 @@ pub trait Rig: Compressions {
     /// # Errors
     /// [`RefusalKind::NotFound`] when the session does not list it.
     fn preview(&self, id: &str, file: &str, of_grain: bool) -> Result<Download, Refusal>;
+
+    /// The last picture of a view that was refused.
+    ///
+    /// # Errors
+    /// [`RefusalKind::NotFound`] where none was, or none is kept.
+    fn rejected(&self, id: &str, view: usize) -> Result<Download, Refusal>;
 
     /// A product; as for [`Rig::frame`].
     ///

@@ -8,7 +8,7 @@ use utoipa::{Modify, OpenApi, ToSchema};
 
 use super::error::{ErrorBody, ErrorText};
 use super::guard::COOKIE;
-use super::status::{HullPoint, RunState, Stage, Status, ViewVerdict, ViewWarning};
+use super::status::{HullPoint, RejectedPicture, RunState, Stage, Status, ViewVerdict, ViewWarning};
 use super::{
     CompressionStarted, CompressionStatus, RunRequest, RunStarted, compressing, routes, schemas, stream,
 };
@@ -30,7 +30,9 @@ use crate::daemon::{CompressMaterial, CompressRequest};
         routes::doctor,
         routes::sessions,
         routes::session,
+        routes::resume_session,
         routes::frame,
+        routes::rejected,
         routes::preview,
         routes::product,
         compressing::start,
@@ -49,6 +51,7 @@ use crate::daemon::{CompressMaterial, CompressRequest};
         Stage,
         ViewVerdict,
         ViewWarning,
+        RejectedPicture,
         RunRequest,
         RunStarted,
         CompressRequest,

@@ -48,7 +48,9 @@ pub(super) fn router(app: App) -> Router {
         .route("/doctor", post(doctor))
         .route("/sessions", get(sessions))
         .route("/sessions/{id}", get(session))
+        .route("/sessions/{id}/resume", post(resume_session))
         .route("/sessions/{id}/frames/{file}", get(frame))
+        .route("/sessions/{id}/rejected/{view}", get(rejected))
         .route("/sessions/{id}/previews/{file}", get(preview))
         .route("/sessions/{id}/products/{file}", get(product))
         .merge(compressing::routes())
@@ -194,6 +196,26 @@ pub(super) async fn session(
     on_rig(&app, move |rig| rig.session(&id)).await
 }
 
+/// Goes on with a session that was aborted, interrupted or has failed: captures the views that are missing, and computes.
+#[utoipa::path(post, path = "/api/v1/sessions/{id}/resume", tag = "sessions",
+    params(("id" = String, Path, description = "Name of the session")), responses(
+    (status = 201, description = "The run goes on", body = RunStarted),
+    (status = 400, description = "Not a name", body = ErrorBody),
+    (status = 401, description = "No token", body = ErrorBody),
+    (status = 403, description = "Sent by another site's page", body = ErrorBody),
+    (status = 404, description = "No such session", body = ErrorBody),
+    (status = 409, description = "The rig is busy, or nothing is left to do", body = ErrorBody),
+))]
+pub(super) async fn resume_session(
+    State(app): State<App>,
+    path: Result<Path<String>, PathRejection>,
+) -> Result<Response, ServerError> {
+    let Path(id) = path?;
+    check_name("session", &id, SESSION_NAME_LIMIT)?;
+    let started = on_rig(&app, move |rig| rig.resume_session(&id)).await?;
+    Ok((StatusCode::CREATED, started).into_response())
+}
+
 /// A captured picture, byte for byte as the camera gave it.
 #[utoipa::path(get, path = "/api/v1/sessions/{id}/frames/{file}", tag = "sessions",
     params(("id" = String, Path, description = "Name of the session"),
@@ -259,6 +281,27 @@ pub(super) async fn preview(
     let Query(Of { part }) = query?;
     let of_grain = part == Part::Grain;
     file(&app, path, &headers, move |rig, id, file| rig.preview(id, file, of_grain)).await
+}
+
+/// The last picture of a view that was refused, as the camera gave it. It is no evidence: nothing vouches for its bytes.
+#[utoipa::path(get, path = "/api/v1/sessions/{id}/rejected/{view}", tag = "sessions",
+    params(("id" = String, Path, description = "Name of the session"),
+           ("view" = usize, Path, description = "Index of the view")), responses(
+    (status = 200, description = "The picture", content_type = "image/*", body = Vec<u8>),
+    (status = 304, description = "The client has it already"),
+    (status = 400, description = "Not a name, or no index", body = ErrorBody),
+    (status = 401, description = "No token", body = ErrorBody),
+    (status = 404, description = "No such session, or no refused picture of that view", body = ErrorBody),
+))]
+pub(super) async fn rejected(
+    State(app): State<App>,
+    path: Result<Path<(String, usize)>, PathRejection>,
+    headers: HeaderMap,
+) -> Result<Response, ServerError> {
+    let Path((id, view)) = path?;
+    check_name("session", &id, SESSION_NAME_LIMIT)?;
+    let Json(download) = on_rig(&app, move |rig| rig.rejected(&id, view)).await?;
+    Ok(download.answer(&headers))
 }
 
 /// A product: mesh, deck, figure or report.

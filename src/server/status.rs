@@ -88,6 +88,17 @@ pub struct ViewWarning {
     pub text: String,
 }
 
+/// A picture that was no good.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, ToSchema)]
+pub struct RejectedPicture {
+    /// Index of its view.
+    pub view: usize,
+    /// Pictures taken of this view so far.
+    pub tries: u32,
+    /// Value, unit, limit and remedy.
+    pub cause: String,
+}
+
 /// Where the run stands.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, ToSchema)]
 pub struct Status {
@@ -113,6 +124,8 @@ pub struct Status {
     pub stage: Option<Stage>,
     /// What a person should know of the views.
     pub warnings: Vec<ViewWarning>,
+    /// The last picture that was refused, until its view is captured: `sessions/{session}/rejected/{view}`.
+    pub rejected: Option<RejectedPicture>,
     /// File names of the products: `sessions/{session}/products/{file}`.
     pub products: Vec<String>,
     /// What `result.json` holds, at the end.
@@ -146,6 +159,7 @@ impl Status {
             }
             Happening::Captured { view, remaining_s } => {
                 self.captured += 1;
+                self.rejected.take_if(|rejected| rejected.view == view.view);
                 // A view is kept while the stage is on its way to a later one.
                 if self.view <= Some(view.view) {
                     self.view = Some(view.view);
@@ -166,8 +180,12 @@ impl Status {
             }
             Happening::Silhouette { view, verdict, warnings, .. } => self.warn(*view, *verdict, warnings),
             Happening::Judged { view, verdict, warnings } => self.warn(*view, Some(*verdict), warnings),
-            Happening::Rejected { view, cause, .. } => {
+            Happening::Rejected { view, tries, cause } => {
                 self.warn(*view, Some(Verdict::Bad), std::slice::from_ref(cause));
+                // Without a number it is a picture that was kept.
+                if let Some(tries) = *tries {
+                    self.rejected = Some(RejectedPicture { view: *view, tries, cause: cause.clone() });
+                }
             }
             Happening::Suspended { cause, .. } => self.error = Some(cause.clone()),
             Happening::Hull { views, volume_mm3 } => {

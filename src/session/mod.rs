@@ -6,6 +6,7 @@
 //!           frames/          the camera's own bytes
 //!           products/        what was computed from them
 //!           products.next/   a set of products that is about to take their place
+//!           rejected/        pictures that were refused, for whoever looks for the cause; no part of what was recorded
 //!           compressions/    the grain between two plates, a folder for each; no part of what was recorded
 //!           lock             held by the one process that writes
 //! ```
@@ -25,6 +26,7 @@ mod open;
 pub mod picture;
 mod products;
 mod recording;
+mod rejected;
 pub mod replay;
 mod store;
 mod summaries;
@@ -38,6 +40,7 @@ pub use manifest::{Manifest, MergeSource, Origin, Plan, PlannedView, required_by
 pub use name::check_name;
 pub use open::{open_inside, read_inside, read_named};
 pub use recording::{Recording, State};
+pub use rejected::Rejection;
 pub use store::{Staged, Store};
 pub use summaries::Summary;
 pub use verify::{Fault, VerifyReport, damage, verify};

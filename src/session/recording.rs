@@ -20,6 +20,7 @@ pub(super) const JOURNAL: &str = "journal.jsonl";
 pub(super) const FRAMES: &str = "frames";
 pub(super) const PRODUCTS: &str = "products";
 pub(super) const COMPRESSIONS: &str = "compressions";
+pub(super) const REJECTED: &str = "rejected";
 
 /// How far a session has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -55,10 +55,13 @@ impl RotationStage for ReplayStage {
             if position.played.len() == recorded {
                 return Err(RigError::RecordingEnds(recorded));
             }
-            return Err(RigError::Device(format!(
-                "the recording {} has no view at {target} that was not played; replay it with its own plan",
-                recording.folder().display()
-            )));
+            return Err(RigError::fault(
+                format!(
+                    "the recording {} has no view at {target} that was not played",
+                    recording.folder().display()
+                ),
+                "replay it with its own plan",
+            ));
         };
         position.played.insert(view.view);
         position.current = Some(view.view);
@@ -77,7 +80,7 @@ impl Camera for ReplayCamera {
     fn capture(&mut self) -> Result<Frame, RigError> {
         let current = self.0.position().current;
         let view = current.ok_or_else(|| {
-            RigError::Device("the recording has no picture before the first move; move the stage".to_owned())
+            RigError::fault("the recording has no picture before the first move", "move the stage")
         })?;
         self.0.recording.frame(view).map_err(|e| RigError::Device(e.to_string()))
     }

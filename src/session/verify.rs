@@ -4,7 +4,7 @@ use super::SessionError;
 use super::disk::{LOCK, Lock, sha256_of};
 use super::open::{check_folder, open_inside};
 use super::products::{NEXT, OLD};
-use super::recording::{COMPRESSIONS, FRAMES, JOURNAL, MANIFEST, PRODUCTS, Recording, State};
+use super::recording::{COMPRESSIONS, FRAMES, JOURNAL, MANIFEST, PRODUCTS, REJECTED, Recording, State};
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -174,8 +174,8 @@ pub fn verify(folder: &Path) -> Result<VerifyReport, SessionError> {
     (report.frames, report.products) = (checked.frames, checked.products);
     report.faults.extend(checked.faults);
     let mut known = checked.files;
-    known.extend([MANIFEST, JOURNAL, LOCK, FRAMES, PRODUCTS, COMPRESSIONS].map(str::to_owned));
-    let places = [FRAMES, PRODUCTS, COMPRESSIONS].map(|sub| (sub, check_folder(&folder.join(sub))));
+    known.extend([MANIFEST, JOURNAL, LOCK, FRAMES, PRODUCTS, COMPRESSIONS, REJECTED].map(str::to_owned));
+    let places = [FRAMES, PRODUCTS, COMPRESSIONS, REJECTED].map(|sub| (sub, check_folder(&folder.join(sub))));
     let lock = (LOCK, open_inside(folder, LOCK).map(|_| ()));
     for (file, found) in places.into_iter().chain([lock]) {
         match found {
@@ -250,12 +250,10 @@ impl Checked {
     }
 }
 
-/// The recorded files of a session that are not as recorded. Reads them all.
-///
-/// `products` says whether the products are compared too: those of a session that is not complete are made again.
-pub fn damage(recording: &Recording, products: bool) -> Vec<Fault> {
+/// The recorded pictures of a session that are not as recorded. Reads them all; the products can be made again from them.
+pub fn damage(recording: &Recording) -> Vec<Fault> {
     let mut all = Checked::of(recording).faults;
-    all.retain(|fault| products || !fault.is_of_a_product());
+    all.retain(|fault| !fault.is_of_a_product());
     all
 }
 

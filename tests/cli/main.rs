@@ -5,6 +5,7 @@ mod disk;
 #[path = "../kit/mod.rs"]
 mod kit;
 mod names;
+mod next;
 mod pictures;
 mod quality;
 mod sessions;

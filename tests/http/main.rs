@@ -7,6 +7,7 @@ mod daemon;
 mod damage;
 mod ending;
 mod hostile;
+mod resuming;
 mod runs;
 #[path = "../sse/mod.rs"]
 mod sse;

@@ -209,6 +209,7 @@ fn the_description_has_every_route_and_no_loose_end() {
         "get /api/v1/sessions/{id}/frames/{file}",
         "get /api/v1/sessions/{id}/previews/{file}",
         "get /api/v1/sessions/{id}/products/{file}",
+        "get /api/v1/sessions/{id}/rejected/{view}",
         "get /api/v1/status",
         "post /api/v1/compressions/current/cancel",
         "post /api/v1/doctor",
@@ -218,6 +219,7 @@ fn the_description_has_every_route_and_no_loose_end() {
         "post /api/v1/runs/current/resume",
         "post /api/v1/sessions/{id}/compressions",
         "post /api/v1/sessions/{id}/compressions/{name}/resume",
+        "post /api/v1/sessions/{id}/resume",
     ];
     assert_eq!(described, expected);
     // And no route is left out of it: those of the router, as its source has them.

@@ -105,6 +105,11 @@ impl Rig for FakeRig {
         self.change(RunState::Paused, Happening::Resumed)
     }
 
+    fn resume_session(&self, id: &str) -> Result<RunStarted, Refusal> {
+        self.session(id)?;
+        Ok(RunStarted { session: id.into() })
+    }
+
     fn abort(&self) -> Result<(), Refusal> {
         self.change(RunState::Running, Happening::Aborted)
     }
@@ -139,6 +144,16 @@ impl Rig for FakeRig {
     fn preview(&self, id: &str, file: &str, of_grain: bool) -> Result<Download, Refusal> {
         self.frame(id, file)?;
         Ok(download("image/jpeg", if of_grain { b"grain" } else { b"whole" }))
+    }
+
+    fn rejected(&self, id: &str, view: usize) -> Result<Download, Refusal> {
+        match (id, view) {
+            ("quartz", 3) => Ok(download("image/jpeg", PICTURE)),
+            _ => Err(Refusal::new(
+                RefusalKind::NotFound,
+                format!("`{id}` has no refused picture of view {view}"),
+            )),
+        }
     }
 
     fn product(&self, id: &str, file: &str) -> Result<Download, Refusal> {

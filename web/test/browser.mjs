@@ -32,11 +32,11 @@ const FLAGS = [
 export const LIMIT_MS = 180_000;
 
 /**
- * Starts the daemon on a port of its own.
+ * Starts the daemon, on a port of its own unless one is given.
  * @param {string} data
  */
-async function daemon(data) {
-  const child = spawn(/** @type {string} */ (process.env.GRAINRIG_BIN), ["serve", "--data", data, "--listen", "127.0.0.1:0"], {
+async function daemon(data, listen = "127.0.0.1:0") {
+  const child = spawn(/** @type {string} */ (process.env.GRAINRIG_BIN), ["serve", "--data", data, "--listen", listen], {
     stdio: ["ignore", "inherit", "pipe"],
   });
   const lines = createInterface({ input: child.stderr });
@@ -61,14 +61,17 @@ export async function opened(t) {
   assert.ok(chromium);
   const data = await mkdtemp(join(tmpdir(), "grainrig-monitor-"));
   t.after(() => rm(data, { recursive: true, force: true }));
-  const { child, url } = await daemon(data);
-  t.after(async () => {
+  let { child, url } = await daemon(data);
+  /** Sends the daemon a signal that ends it, and waits for that. */
+  const end = async (/** @type {NodeJS.Signals} */ signal) => {
     const ended = new Promise((resolve) => child.once("exit", resolve));
-    if (child.exitCode === null && child.kill("SIGTERM")) await ended;
-  });
+    if (child.exitCode === null && child.signalCode === null && child.kill(signal)) await ended;
+  };
+  t.after(() => end("SIGTERM"));
   const browser = await chromium.launch({ executablePath, args: FLAGS });
   t.after(() => browser.close());
-  const page = await browser.newPage({ viewport: { width: 1280, height: 900 } });
+  const context = await browser.newContext({ viewport: { width: 1280, height: 900 } });
+  const page = await context.newPage();
   /** What the page's console complained of. */
   const complaints = /** @type {string[]} */ ([]);
   page.on("console", (message) => message.type() === "error" && complaints.push(message.text()));
@@ -76,6 +79,19 @@ export async function opened(t) {
   return {
     url,
     page,
+    /** Ends the daemon at once, as a power cut does. */
+    kill: () => end("SIGKILL"),
+    /** Lets it hang, or go on. */
+    hang: (/** @type {boolean} */ hangs) => child.kill(hangs ? "SIGSTOP" : "SIGCONT"),
+    /** Starts it again at the same address. */
+    restart: async () => {
+      ({ child } = await daemon(data, new URL(url).host));
+    },
+    /** Asks the daemon for a run, without the page. */
+    run: async (/** @type {string} */ name, settings = {}) => {
+      const begun = await page.request.post(new URL("api/v1/runs", url).href, { data: { name, ...settings } });
+      assert.equal(begun.status(), 201, await begun.text());
+    },
     complaints,
     picture: async (/** @type {string} */ name) => {
       const folder = process.env.SCREENSHOT_DIR;

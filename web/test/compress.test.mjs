@@ -39,7 +39,20 @@ test("a grain is compressed from the page and its curve and stresses are shown",
   // What cannot be meant is said in the daemon's words, and nothing begins.
   await page.getByLabel("Poisson’s ratio").fill("0.5");
   await start.click();
-  await says("problem", /poisson/);
+  await says("press-fault", /poisson/);
+  const fault = await page.evaluate(() => {
+    const [field, told] = ["press-poisson", "press-fault"].map((id) => /** @type {HTMLElement} */ (document.getElementById(id)));
+    const box = told.getBoundingClientRect();
+    return {
+      described: field.getAttribute("aria-describedby"),
+      invalid: field.getAttribute("aria-invalid"),
+      focused: document.activeElement === field,
+      below: box.top - field.getBoundingClientRect().bottom,
+      inSight: box.top >= 0 && box.bottom <= window.innerHeight,
+    };
+  });
+  assert.deepEqual({ ...fault, below: fault.below >= 0 && fault.below < 40 }, { described: "press-fault", invalid: "true", focused: true, below: true, inSight: true }, `${fault.below} px below`);
+  await picture("refused-setting-1280");
   await page.getByLabel("Poisson’s ratio").fill("0.22");
   // The refusal is in the console; nothing else may be.
   assert.equal(complaints.splice(0).length, 1);

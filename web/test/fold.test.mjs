@@ -5,7 +5,7 @@ import assert from "node:assert/strict";
 import { readFile } from "node:fs/promises";
 import test from "node:test";
 
-import { KINDS } from "../api.js";
+import { KINDS } from "../stream.js";
 import { line } from "../format.js";
 import { fold, idle } from "../status.js";
 

@@ -84,7 +84,9 @@ test("a run is started in the browser and watched to its end", { skip: missing()
   // A name that is taken is said to be, in the page's own words.
   await page.getByLabel("Name of the new run").fill("browser-test");
   await page.getByTestId("start").click();
-  await says("problem", /another name/);
+  await says("start-fault", /another name/);
+  const named = await page.getByLabel("Name of the new run").getAttribute("aria-describedby");
+  assert.match(named ?? "", /name-help start-fault/);
   await fits();
   await picture("refused-dark-360");
 });

@@ -7,6 +7,8 @@ use crate::rig::{RigError, warn_taken_up};
 use std::path::Path;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+/// What to do where the board does not answer.
+const CONNECTION: &str = "check cable and power";
 /// The protocol that this program speaks.
 const PROTOCOL: &str = "1";
 /// A move may take this much longer than it should, and this long in any case.
@@ -78,13 +80,17 @@ impl Machine {
         };
         // A board that opening has reset is in its bootloader first, which takes what it hears for a program.
         let wait = Duration::from_millis(machine.settings.boot_ms);
-        machine.link.started(wait).map_err(|e| machine.device(&e.to_string()))?;
+        machine.link.started(wait).map_err(|e| machine.fault(&e.to_string(), CONNECTION))?;
         machine.identify()?;
         Ok(machine)
     }
 
     fn device(&self, what: &str) -> RigError {
         RigError::Device(format!("stage controller on {}: {what}", self.settings.port))
+    }
+
+    fn fault(&self, what: &str, remedy: &str) -> RigError {
+        RigError::fault(format!("stage controller on {}: {what}", self.settings.port), remedy)
     }
 
     pub fn describe(&self) -> String {
@@ -103,9 +109,10 @@ impl Machine {
             other => other,
         };
         let said = said.map_err(|e| {
-            self.device(&format!(
-                "{e}; check that the firmware is on the board (`make -C firmware flash`) and the baud rate"
-            ))
+            self.fault(
+                &e.to_string(),
+                "check that the firmware is on the board (`make -C firmware flash`) and the baud rate",
+            )
         })?;
         let words: Vec<&str> = said.split(' ').collect();
         match words[..] {
@@ -114,9 +121,10 @@ impl Machine {
                 boot.clone_into(&mut self.boot);
             }
             ["ok", "grainrig", protocol, ..] => {
-                return Err(self.device(&format!(
-                    "its firmware speaks protocol {protocol}, this program {PROTOCOL}; flash the firmware that came with it"
-                )));
+                return Err(self.fault(
+                    &format!("its firmware speaks protocol {protocol}, this program {PROTOCOL}"),
+                    "flash the firmware that came with it",
+                ));
             }
             _ => return Err(self.device(&format!("it says {said:?}, which is no grainrig controller"))),
         }
@@ -149,10 +157,12 @@ impl Machine {
             Ok(said) => Ok(said),
             Err(LinkError::Gone(why)) => {
                 self.reopen(&why.to_string())?;
-                self.link.ask(body).map_err(|e| self.device(&e.to_string()))
+                self.link.ask(body).map_err(|e| self.fault(&e.to_string(), CONNECTION))
             }
-            Err(LinkError::Restarted) => self.link.ask(body).map_err(|e| self.device(&e.to_string())),
-            Err(e) => Err(self.device(&format!("{e}; check cable and power"))),
+            Err(LinkError::Restarted) => {
+                self.link.ask(body).map_err(|e| self.fault(&e.to_string(), CONNECTION))
+            }
+            Err(e) => Err(self.fault(&e.to_string(), CONNECTION)),
         }
     }
 
@@ -172,10 +182,13 @@ impl Machine {
                     }
                 }
                 Err(e) if Instant::now() >= deadline => {
-                    return Err(self.device(&format!(
-                        "it went away ({why}) and did not come back within {} s ({e}); check the cable, then resume",
-                        self.settings.return_s
-                    )));
+                    return Err(self.fault(
+                        &format!(
+                            "it went away ({why}) and did not come back within {} s ({e})",
+                            self.settings.return_s
+                        ),
+                        "check the cable, then resume",
+                    ));
                 }
                 Err(_) => {}
             }
@@ -254,10 +267,10 @@ impl Machine {
         if status.homed {
             return Ok(());
         }
-        Err(self.device(&format!(
-            "the reference switch was not found within {degrees:.0}°; check its wiring (D2 to ground), or set \
-             controller.reference = \"here\""
-        )))
+        Err(self.fault(
+            &format!("the reference switch was not found within {degrees:.0}°"),
+            "check its wiring (D2 to ground), or set controller.reference = \"here\"",
+        ))
     }
 
     /// Waits until the motor rests.
@@ -278,10 +291,10 @@ impl Machine {
                 let s = (longest + GRACE).as_secs_f64();
                 // It must not go on by itself.
                 let _ = self.link.ask("X");
-                return Err(self.device(&format!(
-                    "{what} did not end within {s:.1} s (at microstep {}); check power and speed",
-                    status.position
-                )));
+                return Err(self.fault(
+                    &format!("{what} did not end within {s:.1} s (at microstep {})", status.position),
+                    "check power and speed",
+                ));
             }
             std::thread::sleep(LOOK);
         }
@@ -299,7 +312,7 @@ impl Machine {
                 return Ok(f64::from(reached) * 360.0 / self.settings.per_turn());
             }
         }
-        Err(self.device("it has started anew twice in one move; check its power supply"))
+        Err(self.fault("it has started anew twice in one move", "check its power supply"))
     }
 
     /// The position is lost: with a switch it can be found again, without one it cannot.
@@ -312,14 +325,16 @@ impl Machine {
             "it does not know where it is".to_owned()
         };
         if !self.referenced {
-            return Err(self.device(&format!("{cause}; home the stage first")));
+            return Err(self.fault(&cause, "home the stage first"));
         }
         if self.settings.reference == Reference::Here {
             self.referenced = false;
-            return Err(self.device(&format!(
-                "{cause}: the angle is lost, and without a reference switch it can't be found again; check its power \
-                 supply, then capture the grain anew"
-            )));
+            return Err(self.fault(
+                &format!(
+                    "{cause}: the angle is lost, and without a reference switch it can't be found again"
+                ),
+                "check its power supply, then capture the grain anew",
+            ));
         }
         tracing::warn!(cause, "the angle is lost: looking for the reference again");
         self.home().map(|_| ())
@@ -387,9 +402,10 @@ impl Machine {
                 "err busy" if Instant::now() < deadline => std::thread::sleep(LOOK),
                 "err busy" => {
                     let s = longest.as_secs_f64();
-                    return Err(self.device(&format!(
-                        "the camera's release has been at work for {s:.1} s; switch the board off and on"
-                    )));
+                    return Err(self.fault(
+                        &format!("the camera's release has been at work for {s:.1} s"),
+                        "switch the board off and on",
+                    ));
                 }
                 other => return Err(self.device(&format!("it answers {other:?} to {body:?}"))),
             }

@@ -32,7 +32,7 @@ enum Wanted {
 }
 
 fn gone() -> RigError {
-    RigError::Device("the stage's thread has ended; open the rig again".into())
+    RigError::fault("the stage's thread has ended", "open the rig again")
 }
 
 /// The camera's release on the controller's board. Good as long as its stage.

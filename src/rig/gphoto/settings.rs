@@ -105,7 +105,10 @@ impl Settings {
         for (key, value) in times.into_iter().chain(waits).chain(claimed) {
             // Written so that a NaN is refused.
             if !(0.0..=LONGEST_S).contains(&value) {
-                return Err(RigError::Device(format!("gphoto2.{key} is {value} s; set 0 to {LONGEST_S} s")));
+                return Err(RigError::fault(
+                    format!("gphoto2.{key} is {value} s"),
+                    format!("set 0 to {LONGEST_S} s"),
+                ));
             }
         }
         for (key, value, least) in
@@ -115,22 +118,24 @@ impl Settings {
             ])
         {
             if value < least {
-                return Err(RigError::Device(format!(
-                    "gphoto2.{key} is {value} s; set at least {least} s (busy_s and quiet_s lie within shot_s)"
-                )));
+                return Err(RigError::fault(
+                    format!("gphoto2.{key} is {value} s"),
+                    format!("set at least {least} s (busy_s and quiet_s lie within shot_s)"),
+                ));
             }
         }
         if !self.port.is_empty() && self.model.is_empty() {
-            return Err(RigError::Device(
-                "gphoto2.port is set and gphoto2.model is empty; set the model as `gphoto2 --auto-detect` prints it"
-                    .to_owned(),
+            return Err(RigError::fault(
+                "gphoto2.port is set and gphoto2.model is empty",
+                "set the model as `gphoto2 --auto-detect` prints it",
             ));
         }
         let own = ["capturetarget", "viewfinder", "eosremoterelease"];
         if let Some(name) = own.iter().find(|n| self.set.contains_key(**n)) {
-            return Err(RigError::Device(format!(
-                "gphoto2.set has {name}, which is set by itself; use gphoto2.target and release_at_once, and remove it"
-            )));
+            return Err(RigError::fault(
+                format!("gphoto2.set has {name}, which is set by itself"),
+                "use gphoto2.target and release_at_once, and remove it",
+            ));
         }
         Ok(())
     }

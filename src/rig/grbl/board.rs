@@ -89,7 +89,7 @@ impl Board {
         }
         let Some(version) = welcome else {
             return Err(
-                board.device("no GRBL answers; check the baud rate, and that GRBL 1.1 is on the board")
+                board.fault("no GRBL answers", "check the baud rate, and that GRBL 1.1 is on the board")
             );
         };
         board.version = version;
@@ -101,24 +101,24 @@ impl Board {
         &self.version
     }
 
-    fn device(&self, what: &str) -> RigError {
-        RigError::Device(format!("GRBL board on {}: {what}", self.settings.port))
+    fn fault(&self, what: &str, remedy: &str) -> RigError {
+        RigError::fault(format!("GRBL board on {}: {what}", self.settings.port), remedy)
     }
 
     fn send(&mut self, bytes: &[u8]) -> Result<(), RigError> {
         self.port
             .send(bytes)
-            .map_err(|e| self.device(&format!("the line broke: {e}; check the cable, then resume")))
+            .map_err(|e| self.fault(&format!("the line broke: {e}"), "check the cable, then resume"))
     }
 
     /// The next whole line; `None` where none came in time.
     fn read(&mut self, deadline: Instant) -> Result<Option<String>, RigError> {
         loop {
             let byte = self.port.byte(deadline).map_err(|e| {
-                RigError::Device(format!(
-                    "GRBL board on {}: the line broke: {e}; check the cable, then resume",
-                    self.settings.port
-                ))
+                RigError::fault(
+                    format!("GRBL board on {}: the line broke: {e}", self.settings.port),
+                    "check the cable, then resume",
+                )
             })?;
             match byte {
                 None => return Ok(None),
@@ -126,16 +126,17 @@ impl Board {
                     let text = String::from_utf8_lossy(&std::mem::take(&mut self.line)).trim().to_owned();
                     if text.starts_with("Grbl ") && !self.version.is_empty() {
                         self.zero_deg = None;
-                        return Err(self.device(
-                            "it has started anew: the angle is lost; check its power supply, then capture the grain anew",
+                        return Err(self.fault(
+                            "it has started anew: the angle is lost",
+                            "check its power supply, then capture the grain anew",
                         ));
                     }
                     if let Some(number) = text.strip_prefix("ALARM:") {
                         self.zero_deg = None;
-                        return Err(self.device(&format!(
-                            "alarm {number}: {}; mend the cause and home the stage again",
-                            alarm(number)
-                        )));
+                        return Err(self.fault(
+                            &format!("alarm {number}: {}", alarm(number)),
+                            "mend the cause and home the stage again",
+                        ));
                     }
                     if !text.is_empty() {
                         return Ok(Some(text));
@@ -185,10 +186,10 @@ impl Board {
     fn done(&mut self, text: &str, within: Duration) -> Result<Vec<String>, RigError> {
         match self.command(text, within)? {
             Answer::Done(said) => Ok(said),
-            Answer::Refused(why) => Err(self.device(&why)),
+            Answer::Refused(why) => Err(self.fault(&why, "mend what it names, then resume")),
             Answer::Nothing => {
                 let s = within.as_secs_f64();
-                Err(self.device(&format!("no answer to {text:?} within {s:.1} s; check cable and power")))
+                Err(self.fault(&format!("no answer to {text:?} within {s:.1} s"), "check cable and power"))
             }
         }
     }
@@ -206,12 +207,14 @@ impl Board {
         match set {
             // The board shows three decimals.
             Some(set) if (set / wanted - 1.0).abs() <= STEPS_APART => Ok(()),
-            Some(set) => Err(self.device(&format!(
-                "it makes {set} steps for a unit of axis {} ({key}{set}), grbl.steps_per_deg is {wanted:.3}; set one as \
-                 the other (\"{key}{wanted:.3}\")",
-                self.settings.axis
-            ))),
-            None => Err(self.device(&format!("it does not show its setting {key}; GRBL 1.1 is needed"))),
+            Some(set) => Err(self.fault(
+                &format!(
+                    "it makes {set} steps for a unit of axis {} ({key}{set}), grbl.steps_per_deg is {wanted:.3}",
+                    self.settings.axis
+                ),
+                &format!("set one as the other (\"{key}{wanted:.3}\")"),
+            )),
+            None => Err(self.fault(&format!("it does not show its setting {key}"), "GRBL 1.1 is needed")),
         }
     }
 
@@ -233,7 +236,7 @@ impl Board {
         }
         let ms = self.settings.reply_ms;
         Err(self
-            .device(&format!("no state in answer to {ASKS} questions, {ms} ms each; check cable and power")))
+            .fault(&format!("no state in answer to {ASKS} questions, {ms} ms each"), "check cable and power"))
     }
 
     fn idle(&mut self, longest: Duration, what: &str) -> Result<State, RigError> {
@@ -243,19 +246,22 @@ impl Board {
             match state.name.as_str() {
                 "Idle" => return Ok(state),
                 "Alarm" => {
-                    return Err(self.device("it is locked after an alarm; home it, or unlock it with $X"));
+                    return Err(self.fault("it is locked after an alarm", "home it, or unlock it with $X"));
                 }
-                "Door" => return Err(self.device("its safety door is open; close it, then resume")),
+                "Door" => return Err(self.fault("its safety door is open", "close it, then resume")),
                 _ => {}
             }
             if Instant::now() >= deadline {
                 let _ = self.port.send(&[FEED_HOLD]);
-                return Err(self.device(&format!(
-                    "{what} did not end within {:.1} s ({} at {:.3}°); check power and speed",
-                    (longest + GRACE).as_secs_f64(),
-                    state.name,
-                    state.position_deg
-                )));
+                return Err(self.fault(
+                    &format!(
+                        "{what} did not end within {:.1} s ({} at {:.3}°)",
+                        (longest + GRACE).as_secs_f64(),
+                        state.name,
+                        state.position_deg
+                    ),
+                    "check power and speed",
+                ));
             }
             std::thread::sleep(LOOK);
         }
@@ -291,7 +297,7 @@ impl Board {
     pub fn go_from_below(&mut self, deg: f64) -> Result<f64, RigError> {
         let zero = self
             .zero_deg
-            .ok_or_else(|| self.device("it does not know where zero is; home the stage first"))?;
+            .ok_or_else(|| self.fault("it does not know where zero is", "home the stage first"))?;
         let now = self.state()?.position_deg - zero;
         let step = 1.0 / self.settings.steps_per_deg;
         if (now - deg).abs() > 0.5 * step && deg < now && self.settings.backlash_deg > 0.0 {
@@ -326,10 +332,10 @@ impl Board {
             }
         }
         let at = self.state()?.position_deg;
-        Err(self.device(&format!(
-            "it stays at {:.3}° where {deg:.3}° was asked for ({told}); check motor and limits",
-            at - zero
-        )))
+        Err(self.fault(
+            &format!("it stays at {:.3}° where {deg:.3}° was asked for ({told})", at - zero),
+            "check motor and limits",
+        ))
     }
 }
 

@@ -37,11 +37,10 @@ pub fn placed(settings: &Settings) -> Result<TriangleMesh, RigError> {
 /// Reads a closed surface; an ASCII or a binary STL file.
 fn read_stl(path: &Path) -> Result<TriangleMesh, RigError> {
     let refuse = |what: String| {
-        RigError::Device(format!(
-            "the grain {} {what}; give [simulated] grain_stl a closed surface in STL, or leave it out for the \
-             built-in grain",
-            path.display()
-        ))
+        RigError::fault(
+            format!("the grain {} {what}", path.display()),
+            "give [simulated] grain_stl a closed surface in STL, or leave it out for the built-in grain",
+        )
     };
     let bytes = std::fs::read(path).map_err(|e| refuse(format!("cannot be opened ({e})")))?;
     let mesh = stl::read(&bytes).map_err(|e| refuse(format!("is not an STL file ({e})")))?;

@@ -52,10 +52,13 @@ impl Optics {
         };
         let magnified = match settings.camera_distance_mm {
             Some(d) if d < 2.0 * reach => {
-                return Err(RigError::Device(format!(
-                    "the simulated camera is {d} mm from the axis and the body reaches {reach:.3} mm towards it, it \
-                     must stay twice that away; change [simulated] camera_distance_mm"
-                )));
+                return Err(RigError::fault(
+                    format!(
+                        "the simulated camera is {d} mm from the axis and the body reaches {reach:.3} mm towards it, it \
+                     must stay twice that away"
+                    ),
+                    "change [simulated] camera_distance_mm",
+                ));
             }
             Some(d) => d / (d - reach),
             None => 1.0,
@@ -72,13 +75,16 @@ impl Optics {
             column >= room && column <= w - 1.0 - room && row >= room && row <= h - 1.0 - room
         });
         if !inside {
-            return Err(RigError::Device(format!(
-                "the turning body sweeps {:.3} mm × {top:.3} mm, with its blur that does not fit the simulated \
-                 picture of {:.3} mm × {:.3} mm; change [simulated] mm_per_px, width, height or axis_offset_px",
-                2.0 * reach,
-                w * settings.mm_per_px,
-                h * settings.mm_per_px,
-            )));
+            return Err(RigError::fault(
+                format!(
+                    "the turning body sweeps {:.3} mm × {top:.3} mm, with its blur that does not fit the simulated \
+                 picture of {:.3} mm × {:.3} mm",
+                    2.0 * reach,
+                    w * settings.mm_per_px,
+                    h * settings.mm_per_px,
+                ),
+                "change [simulated] mm_per_px, width, height or axis_offset_px",
+            ));
         }
         Ok(optics)
     }

@@ -167,9 +167,10 @@ impl Settings {
             if (low..=high).contains(&value) {
                 return Ok(());
             }
-            Err(RigError::Device(format!(
-                "the simulated rig's {key} is {value}{unit}, it must be {low} to {high}{unit}; change [simulated] {key}"
-            )))
+            Err(RigError::fault(
+                format!("the simulated rig's {key} is {value}{unit}, it must be {low} to {high}{unit}"),
+                format!("change [simulated] {key}"),
+            ))
         };
         within("grain_size_mm", self.grain_size_mm, " mm", 1e-3, 1e3)?;
         if let Some(d) = self.sphere_diameter_mm {
@@ -201,10 +202,10 @@ impl Settings {
         within("exposure_s", self.exposure_s, " s", 1e-6, 60.0)?;
         within("steps_per_turn", f64::from(self.steps_per_turn), "", 4.0, 100_000.0)?;
         if ![1, 2, 4, 8, 16].contains(&self.microsteps) {
-            return Err(RigError::Device(format!(
-                "the simulated rig's microsteps is {}, it must be 1, 2, 4, 8 or 16; change [simulated] microsteps",
-                self.microsteps
-            )));
+            return Err(RigError::fault(
+                format!("the simulated rig's microsteps is {}, it must be 1, 2, 4, 8 or 16", self.microsteps),
+                "change [simulated] microsteps",
+            ));
         }
         within("step_ratio", self.step_ratio, "", 0.5, 2.0)?;
         // At half a step neighbouring positions would change places.
@@ -217,10 +218,9 @@ impl Settings {
             within("faults.slip.deg", slip.deg, "°", -360.0, 360.0)?;
         }
         if self.grain_stl.is_some() && self.sphere_diameter_mm.is_some() {
-            return Err(RigError::Device(
-                "the simulated rig has both grain_stl and sphere_diameter_mm, it photographs one body; \
-                 remove one of them from [simulated]"
-                    .into(),
+            return Err(RigError::fault(
+                "the simulated rig has both grain_stl and sphere_diameter_mm, it photographs one body",
+                "remove one of them from [simulated]",
             ));
         }
         Ok(())

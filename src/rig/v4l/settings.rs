@@ -75,10 +75,10 @@ impl Settings {
     /// # Errors
     /// [`RigError::Device`] names the first that does not, its limit and the remedy.
     pub fn check(&self) -> Result<(), RigError> {
-        let refuse = |text: String| Err(RigError::Device(text));
+        let refuse = |cause: String, remedy: String| Err(RigError::fault(cause, remedy));
         for (key, side) in [("width", self.width), ("height", self.height)] {
             if !(2..=LONGEST_SIDE).contains(&side) {
-                return refuse(format!("v4l2.{key} is {side} px; set 2 to {LONGEST_SIDE} px"));
+                return refuse(format!("v4l2.{key} is {side} px"), format!("set 2 to {LONGEST_SIDE} px"));
             }
         }
         let least = 0.01;
@@ -91,17 +91,15 @@ impl Settings {
         for (key, value) in times {
             // Written so that a NaN is refused.
             if !(least..=LONGEST_S).contains(&value) {
-                return refuse(format!("v4l2.{key} is {value} s; set {least} to {LONGEST_S} s"));
+                return refuse(format!("v4l2.{key} is {value} s"), format!("set {least} to {LONGEST_S} s"));
             }
         }
         if self.frame_s > self.shot_s {
-            return refuse(format!(
-                "v4l2.frame_s is {} s; set at most shot_s, {} s, within which the frames come",
-                self.frame_s, self.shot_s
-            ));
+            let remedy = format!("set at most shot_s, {} s, within which the frames come", self.shot_s);
+            return refuse(format!("v4l2.frame_s is {} s", self.frame_s), remedy);
         }
         match self.retry_s.iter().find(|s| !(0.0..=LONGEST_S).contains(*s)) {
-            Some(bad) => refuse(format!("v4l2.retry_s has {bad} s; set 0 to {LONGEST_S} s")),
+            Some(bad) => refuse(format!("v4l2.retry_s has {bad} s"), format!("set 0 to {LONGEST_S} s")),
             None => Ok(()),
         }
     }
