@@ -5,7 +5,7 @@ use super::recorded::{Numbered, WAITING_VIEWS, check_views, computation, send_re
 use super::{DaemonError, Watcher};
 use crate::pipeline::{self, Merged, MergedFile, MeshSettings, Pipeline, SeenPose, Settings};
 use crate::session::event::Happening;
-use crate::session::{Recording, write_whole};
+use crate::session::{Recording, to_json, write_whole};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::sync_channel;
@@ -97,8 +97,7 @@ fn write(made: &Merged, out: &Path, timing: &serde_json::Value) -> Result<MergeF
     let products = made.products(SOFTWARE)?;
     let names: BTreeMap<String, String> = products.iter().map(|p| (p.kind.clone(), p.file.clone())).collect();
     let result = made.result_file(SOFTWARE, names, timing.clone());
-    let mut text = serde_json::to_vec_pretty(&result).map_err(|e| DaemonError::Encode(e.to_string()))?;
-    text.push(b'\n');
+    let text = to_json(&result).map_err(|e| DaemonError::Encode(e.to_string()))?;
     std::fs::create_dir_all(out).map_err(|source| DaemonError::Write { path: out.into(), source })?;
     let mut paths = BTreeMap::new();
     let folder = out.canonicalize().unwrap_or_else(|_| out.to_owned());

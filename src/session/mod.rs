@@ -15,6 +15,7 @@ pub mod cameras;
 mod disk;
 mod error;
 pub mod event;
+mod finite;
 pub mod import;
 pub mod journal;
 pub mod manifest;
@@ -28,6 +29,7 @@ mod writer;
 
 pub use disk::{Held, LOCK, check_space, free_bytes, hold, sha256_hex, sha256_of, write_whole};
 pub use error::SessionError;
+pub use finite::{EncodeError, check_finite, to_json, to_json_value};
 pub use manifest::{Manifest, Origin, Plan, PlannedView, required_bytes};
 pub use name::check_name;
 pub use recording::{Recording, State};

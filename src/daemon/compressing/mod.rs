@@ -26,7 +26,7 @@ use crate::contact::{
     ContactError, CurvePoint, Loading, Press, Sample, fit_hertz, hertz, quasi_static, transition_mm,
 };
 use crate::mesh::TetMesh;
-use crate::session::{Held, hold, write_whole};
+use crate::session::{Held, hold, to_json, write_whole};
 use body::{mesh_bytes, mesh_from};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -112,7 +112,7 @@ impl Compression {
         settings.sphere_radius_mm = placed.sphere_radius_mm;
         settings.placed_deg = placed.turned_deg;
         let press = press(&placed.mesh, &settings)?;
-        let text = serde_json::to_vec_pretty(&settings).map_err(|e| DaemonError::Encode(e.to_string()))?;
+        let text = to_json(&settings).map_err(|e| DaemonError::Encode(e.to_string()))?;
         write_whole(&folder, MESH, &mesh_bytes(&placed.mesh))?;
         // The last of the two: where it is, the other is.
         write_whole(&folder, RUN, &text)?;
@@ -257,7 +257,7 @@ impl Compression {
             files: Vec::new(),
         };
         result.files = files::write(&self.folder, &self.mesh, press, &result, &self.stages(), others)?;
-        let text = serde_json::to_vec_pretty(&result).map_err(|e| DaemonError::Encode(e.to_string()))?;
+        let text = to_json(&result).map_err(|e| DaemonError::Encode(e.to_string()))?;
         write_whole(&self.folder, RESULT, &text)?;
         Ok(result)
     }
