@@ -125,6 +125,14 @@ impl ViewQuality {
         }
     }
 
+    /// States anew at which ends of the picture (as [`super::Report::touches_border`]) the grain is cut off: before a
+    /// turntable only all views together tell whether it is the pedestal that reaches the bottom.
+    pub fn state_border(&mut self, touches: [bool; 4]) {
+        let stated = border(touches);
+        self.checks.iter_mut().filter(|c| c.name == stated.name).for_each(|c| *c = stated.clone());
+        *self = Self::of(std::mem::take(&mut self.checks));
+    }
+
     /// What a person should know: value, unit, limit and remedy of each check that is not good.
     pub fn warnings(&self) -> Vec<String> {
         self.checks.iter().filter(|c| c.verdict != Verdict::Good).map(Check::told).collect()
@@ -233,8 +241,13 @@ fn border(touches: [bool; 4]) -> Check {
     let sides: Vec<&str> = Side::ALL.iter().zip(touches).filter(|s| s.1).map(|s| s.0.name()).collect();
     // By itself never bad: pictures with a camera each may show a part. Before a turntable the pipeline refuses it.
     Check::at_most("border", sides.len() as f64, "sides", [0.0, 4.0]).or(|| {
+        let what = if touches == [false, false, false, true] {
+            "the grain, or what it stands on where that was not recognised as a pedestal,"
+        } else {
+            "the grain"
+        };
         format!(
-            "the grain reaches the {} end of the picture, and what lies beyond is missing: move the camera or the grain, \
+            "{what} reaches the {} end of the picture, and what lies beyond is missing: move the camera or the grain, \
              or take away what hangs into the picture",
             sides.join(" and the ")
         )
