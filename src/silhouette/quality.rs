@@ -11,6 +11,9 @@ use serde::{Deserialize, Serialize};
 /// outline of radius R about σ²/2R too far inside, and round corners off to a radius of σ: at 2.5 % the radius is
 /// 0.13 % and the volume 0.4 % too small, at 5 % the volume is 1.5 % too small.
 const BLUR_SHARE: [f64; 2] = [0.025, 0.05];
+/// But no picture is blamed for less than this many pixels: lens, pixel and colour sampling do as much in focus, so that
+/// of a grain of a few dozen pixels it is the magnification that is wanting, not the focus.
+const BLUR_PX: [f64; 2] = [1.5, 3.0];
 /// The softest direction may be softer than the sharpest by this many pixels; video cards and colour sampling do
 /// as much without any motion.
 const MOTION_PX: [f64; 2] = [1.5, 3.0];
@@ -203,7 +206,8 @@ pub fn assess(picture: &dyn Source, found: &Found) -> (ViewQuality, Traits) {
 }
 
 fn focus(edge: &Edge, diameter_px: f64) -> Check {
-    Check::at_most("focus", edge.blur_px, "px", BLUR_SHARE.map(|share| share * diameter_px)).or(|| {
+    let limits = [0, 1].map(|k| BLUR_PX[k].max(BLUR_SHARE[k] * diameter_px));
+    Check::at_most("focus", edge.blur_px, "px", limits).or(|| {
         format!(
             "the outline is soft over {:.1} % of the grain's {diameter_px:.0} px: focus the lens on the rotation axis, or \
              close the aperture",
