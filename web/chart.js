@@ -38,7 +38,7 @@ export function ticks(low, high, count) {
 /**
  * The finished hull: its volume, the grain's as best estimated and between which it lies, and the volumes of hulls of
  * fewer views spread evenly.
- * @typedef {{ volume: number, estimate: number|null, interval: [number, number]|null, convergence: import("./status.js").HullPoint[] }} Finished
+ * @typedef {{ volume: number, estimate: number|null, interval: [number, number]|null, unknown?: string|null, convergence: import("./status.js").HullPoint[] }} Finished
  */
 
 /**

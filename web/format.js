@@ -92,6 +92,7 @@ function withUnit(shown, unit) {
 const HEADLINES = /** @type {[string, string, string][]} */ ([
   ["Grain’s volume", "hull.volume_estimate_mm3", "best estimate: the hull less what silhouettes can’t show"],
   ["Volume, least and most", "hull.volume_interval_mm3", "holds the grain’s volume in 95 of 100 captures"],
+  ["Grain’s volume", "hull.volume_unknown", "neither an estimate nor bounds can be given: the hull’s volume is all that is known"],
   ["Hull’s volume", "hull.volume_mm3", "of the visual hull: an upper bound"],
   ["Surface area", "hull.surface_area_mm2", "of the visual hull"],
   ["Agreement", "hull.silhouette_iou.min", "worst view: hull seen again over silhouette"],

@@ -147,6 +147,7 @@ function showHull() {
   } else if (found) {
     shown = volume(found.volume);
     how = "of the finished hull: an upper bound";
+    if (found.unknown) how += `; the grain’s own can’t be told: ${found.unknown}`;
   } else if (newest) {
     // One view bounds nothing along its own direction.
     if (typeof newest.volume_mm3 === "number") shown = volume(newest.volume_mm3);
@@ -168,6 +169,7 @@ function finished() {
     volume: hull.volume_mm3,
     estimate: hull.volume_estimate_mm3 ?? null,
     interval: hull.volume_interval_mm3 ?? null,
+    unknown: hull.volume_unknown ?? null,
     convergence: hull.convergence ?? [],
   };
 }

@@ -39,7 +39,7 @@ function sessionItem(session, want) {
   const about = [];
   if (session.created) about.push(new Date(session.created).toLocaleString("en-GB", { dateStyle: "medium", timeStyle: "short" }));
   // While a run writes it, what is on the disk is not yet what it will be.
-  if (["capturing", "computing"].includes(session.state)) about.push(session.state);
+  if (session.busy && ["capturing", "computing"].includes(session.state)) about.push(session.state);
   else {
     if (session.planned) about.push(`${session.captured ?? "?"} of ${session.planned} views`);
     if (session.state) about.push(String(session.state).replaceAll("_", " "));

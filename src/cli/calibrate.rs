@@ -3,7 +3,7 @@
 use super::output::{print, print_json};
 use super::{Common, help, usage};
 use crate::daemon::{Angles, BodyKind, ScaleFile, ScaleRequest, calibrate_scale};
-use crate::session::write_whole;
+use crate::session::{to_json, write_whole};
 use anyhow::{Context as _, Result};
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
@@ -108,8 +108,7 @@ fn run_scale(common: &Common, arguments: ScaleArguments) -> Result<()> {
         silhouette: config.silhouette,
     };
     let file = calibrate_scale(&request)?;
-    let mut text = serde_json::to_vec_pretty(&file).context("cannot encode the calibration")?;
-    text.push(b'\n');
+    let text = to_json(&file).context("cannot encode the calibration")?;
     write_whole(&folder, &name, &text)
         .with_context(|| format!("cannot write {}", arguments.out.display()))?;
     if common.json { print_json(&file) } else { print(&summary(&file, &arguments.out)) }

@@ -143,6 +143,8 @@ pub(super) fn summary(done: &Finished) -> String {
         lines.push(format!(
             "volume     {volume:.digits$} mm³ ({low:.digits$} … {high:.digits$}; hull {hull:.digits$})"
         ));
+    } else if let Some(why) = &r.hull.volume_unknown {
+        lines.push(format!("volume     of the grain itself not known: {why}"));
     }
     lines.extend([
         match (r.hull.volume_mm3, r.hull.voxel_volume_mm3, r.hull.voxel_mm, r.hull.surface_area_mm2) {

@@ -76,9 +76,10 @@ Examples:
   grainrig study sensitivity                                  balls of 0.5 and 1 mm, 5 µm pixels, 2 to 30 views
   grainrig study sensitivity --stl grain.stl --views 6,25,72  what more views would give a grain like this one
 
-V_R/V_M is the reconstructed over the true volume: of voxels as large as a pixel, counted as Nadimi and Fonseca
-(2017) do; of the exact hull of exact silhouettes, which shows what the views alone do; and of a coarse and a fine
-mesh of the hull. For a ball the exact one is (2N/pi) tan(pi/2N). Written are sensitivity.csv, and as SVG and PNG
+V_R/V_M is the real volume over the model's, as Nadimi and Fonseca (2017) state it: about 0.95 at 4 views, near 1 from
+20 to 25. The model is voxels as large as a pixel, counted as they do; the exact hull of exact silhouettes, which
+shows what the views alone do; and a coarse and a fine mesh of the hull. For a ball the exact one is
+(pi/2N)/tan(pi/2N). Written are sensitivity.csv, and as SVG and PNG
 the silhouettes, the shapes from 2, 6 and 30 views and the curves.";
 
 pub(super) const RECONSTRUCT: &str = "\

@@ -10,7 +10,7 @@ use crate::export::{inp, inp_read};
 use crate::mesh::{Controls, Distances, mesh};
 use crate::pipeline::MeshResult;
 use crate::report::{Sheet, mesh_sheet};
-use crate::session::sha256_hex;
+use crate::session::{sha256_hex, to_json_value};
 use anyhow::{Context as _, Result};
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -120,10 +120,10 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let files = Made { mesh: &made, order, band_mm: band(&controls), provenance: &provenance, sheet: &sheet };
     outputs.iter().try_for_each(|path| files.write(path))?;
     if common.json {
-        let mut object = serde_json::to_value(result)?;
+        let mut object = to_json_value(&result)?;
         object["input_volume_mm3"] = volume_mm3.into();
-        object["distance_to_input_mm"] = serde_json::to_value(distances.to_body)?;
-        object["distance_from_input_mm"] = serde_json::to_value(distances.from_body)?;
+        object["distance_to_input_mm"] = to_json_value(&distances.to_body)?;
+        object["distance_from_input_mm"] = to_json_value(&distances.from_body)?;
         object["turned_outwards"] = turned.into();
         object["seconds"] = seconds.into();
         object["files"] = outputs.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().into();

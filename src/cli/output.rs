@@ -1,5 +1,6 @@
 //! What a person or a program reads: a reader that has gone away ends no job.
 
+use crate::session::to_json;
 use anyhow::{Context as _, Result};
 use std::fmt::Display;
 use std::io::{ErrorKind, Write as _};
@@ -13,11 +14,10 @@ pub(super) fn print(text: &str) -> Result<()> {
     }
 }
 
-/// Prints the one result object on standard output.
+/// Prints the one result object on standard output; nothing of it where a number in it is none.
 pub(super) fn print_json(value: &impl serde::Serialize) -> Result<()> {
-    let mut text = serde_json::to_string_pretty(value).context("cannot encode the result")?;
-    text.push('\n');
-    print(&text)
+    let text = to_json(value).context("cannot encode the result")?;
+    print(&String::from_utf8_lossy(&text))
 }
 
 /// Says a line on standard error; where nobody can read it the job goes on all the same.

@@ -6,6 +6,7 @@ use super::output::{print, print_json};
 use super::progress::Progress;
 use crate::daemon;
 use crate::pipeline::MeshSettings;
+use crate::session::to_json_value;
 use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
@@ -87,7 +88,7 @@ pub(super) fn replay(common: &Common, arguments: &ReplayArguments) -> Result<()>
     progress.finish();
     let done = outcome?;
     if common.json {
-        let mut object = serde_json::to_value(&done.finished.result)?;
+        let mut object = to_json_value(&done.finished.result)?;
         object["differs"] = serde_json::json!(done.differs);
         print_json(&object)?;
     } else {

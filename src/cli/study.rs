@@ -92,7 +92,7 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         return print_json(&Told { rows: &rows, files });
     }
     let mut text = format!(
-        "{:<16} {:>5} {:>8}  {:>8} {:>8} {:>11} {:>9} {:>9}\n",
+        "V_R/V_M, real over reconstructed volume\n{:<16} {:>5} {:>8}  {:>8} {:>8} {:>11} {:>9} {:>9}\n",
         "body", "views", "angle", "voxels", "exact", "coarse mesh", "fine mesh", "analytic"
     );
     // Writing to a string cannot fail.

@@ -4,7 +4,7 @@ use super::DaemonError;
 use crate::pipeline::MeshSettings;
 use crate::pipeline::{CONVERGENCE, PipelineError, Product, Reconstruction, ResultFile, SHEET, products};
 use crate::session::event::{Event, Happening, ProductRecord};
-use crate::session::{Recording, Session, sha256_hex};
+use crate::session::{Recording, Session, sha256_hex, to_json};
 use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -73,8 +73,7 @@ pub(super) fn render(
         out.push((p.file, p.bytes));
     }
     let result = made.result_file(software, session, names, timing);
-    let mut text = serde_json::to_vec_pretty(&result).map_err(|e| DaemonError::Encode(e.to_string()))?;
-    text.push(b'\n');
+    let text = to_json(&result).map_err(|e| DaemonError::Encode(e.to_string()))?;
     out.push((RESULT.into(), text));
     Ok(out)
 }

@@ -184,7 +184,8 @@ pub fn merge(
         hull: HullResult::new(
             &measures,
             (HullMethod::Grid, measures.volume_mm3),
-            None,
+            Err("of two poses' hulls together nobody knows yet how much larger than the grain they are"
+                .into()),
             &voxels,
             &ious,
             None,

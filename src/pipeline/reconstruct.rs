@@ -185,6 +185,9 @@ pub(super) fn reconstruct(
             foot: patch.map_or(0.0, |p| p.volume_share),
         },
     );
+    if let Err(why) = &estimate {
+        warnings.push(format!("no bound of the grain's own volume can be given but the hull's: {why}"));
+    }
     let hull_s = start.elapsed().as_secs_f64();
 
     let start = Instant::now();
@@ -231,7 +234,16 @@ pub(super) fn reconstruct(
     let report_s = start.elapsed().as_secs_f64();
     let silhouette_s = taken.iter().map(|t| t.seconds).sum::<f64>();
     Ok(Reconstruction {
-        hull: HullResult::new(&measures, volume, Some(&estimate), &voxels, &ious, patch, converging, metric),
+        hull: HullResult::new(
+            &measures,
+            volume,
+            estimate.as_ref().map_err(ToString::to_string),
+            &voxels,
+            &ious,
+            patch,
+            converging,
+            metric,
+        ),
         mesh: MeshResult::new(&tetrahedra, &controls, metric),
         views,
         scale_mm_per_px,

@@ -90,6 +90,8 @@ pub struct HullResult {
     pub volume_estimate_mm3: Option<f64>,
     /// Where the grain's own volume lies with 95 %, mm³; `null` where the estimate is.
     pub volume_interval_mm3: Option<[f64; 2]>,
+    /// Why there is neither an estimate nor an interval, in words; `null` where there are both.
+    pub volume_unknown: Option<String>,
     /// What that interval is made of: each part, and what it alone takes and adds, in words. Parts add up as squares.
     pub volume_says: Vec<String>,
     /// The signs of hollows that the estimate rests on; `null` where the cameras show no level slices all around.
@@ -139,7 +141,7 @@ impl HullResult {
     pub(super) fn new(
         m: &Measures,
         (method, volume_mm3): (HullMethod, f64),
-        estimate: Option<&VolumeEstimate>,
+        estimate: Result<&VolumeEstimate, String>,
         v: &VoxelCount,
         ious: &[f64],
         contact_patch: Option<ContactPatch>,
@@ -147,10 +149,16 @@ impl HullResult {
         metric: bool,
     ) -> Self {
         let stated = |x: f64| metric.then_some(x);
+        let unknown = match &estimate {
+            Err(why) => Some(why.clone()),
+            Ok(_) => (!metric).then(|| "the cameras have no unit of length".to_owned()),
+        };
+        let estimate = estimate.ok();
         Self {
             volume_mm3: stated(volume_mm3),
             volume_estimate_mm3: estimate.and_then(|e| stated(e.volume_mm3)),
             volume_interval_mm3: estimate.filter(|_| metric).map(|e| e.interval_mm3),
+            volume_unknown: unknown,
             volume_says: estimate.map_or_else(Vec::new, |e| e.shares.iter().map(said).collect()),
             volume_signs: estimate.and_then(|e| e.signs),
             method,

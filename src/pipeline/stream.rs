@@ -245,7 +245,14 @@ impl Pipeline {
         }
         let (quality, traits) = self
             .judges
-            .then(|| silhouette::assess(&picture, &found))
+            .then(|| {
+                let (mut quality, traits) = silhouette::assess(&picture, &found);
+                if matches!(self.cameras, Cameras::Turntable(_)) {
+                    // None of the other ends is reached, as seen above.
+                    quality.state_border([false; 4]);
+                }
+                (quality, traits)
+            })
             .map_or((None, None), |(q, t)| (Some(q), Some(t)));
         Ok(CutOut {
             shot: self.settings.report.pictures.then(|| Shot::of(&picture, &found.silhouette)),

@@ -20,6 +20,7 @@ use super::openapi;
 use super::places::Ticket;
 use super::routes::App;
 use crate::session::event::Event;
+use crate::session::to_json_value;
 
 /// Events on their way to one client; the others wait in the feed.
 const IN_FLIGHT: usize = 16;
@@ -108,8 +109,7 @@ fn snapshot_message(snapshot: &Snapshot) -> Option<sse::Event> {
 }
 
 fn event_message(event: &Event) -> Option<sse::Event> {
-    let data =
-        serde_json::to_value(event).inspect_err(|error| tracing::error!(%error, "event is no JSON")).ok()?;
+    let data = to_json_value(event).inspect_err(|error| tracing::error!(%error, "event is no JSON")).ok()?;
     let kind = data.get("event").and_then(serde_json::Value::as_str)?;
     let message = sse::Event::default().id(event.seq.to_string()).event(kind);
     message.json_data(&data).ok()

@@ -39,7 +39,7 @@ impl Chain {
     /// Why the event would not be read back (a number that is not finite, say).
     pub fn encode(&self, time: Timestamp, what: Happening) -> Result<Record, String> {
         let event = Event { seq: self.next_seq, time, what };
-        let mut value = serde_json::to_value(&event).map_err(|e| e.to_string())?;
+        let mut value = super::to_json_value(&event).map_err(|e| e.to_string())?;
         value["prev"] = serde_json::Value::String(self.prev.clone());
         let body = value.to_string();
         let hash = sha256_hex(body.as_bytes());

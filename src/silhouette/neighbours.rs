@@ -31,6 +31,9 @@ const BLUR_MORE_PX: [f64; 2] = [0.5, 1.5];
 const EXPOSURE_SHARE: [f64; 2] = [0.06, 0.2];
 /// And at least this many grey levels: uneven light, looked at beside a grain that moves.
 const EXPOSURE_LEVELS: [f64; 2] = [5.0, 12.0];
+/// Where fewer than two views are beside it, all views on the turntable tell of its light; it may then be doubtful only
+/// beyond so many times as much, since the grain hides another part of an uneven background in each.
+const FAR_LIGHT: f64 = 2.0;
 /// Change of the share of full pixels, in points of per cent.
 const FULL_POINTS: [f64; 2] = [25.0, 50.0];
 /// Change of the top row as a share of the grain's height. A top that lies off the axis moves with a camera that
@@ -41,6 +44,8 @@ const TOP_MORE_PX: [f64; 2] = [1.0, 2.0];
 /// What the area may break its bounds by, as a share of the mean area: a hundredth is a third of a pixel all round
 /// a grain of 130 px.
 const AREA_SHARE: [f64; 2] = [0.02, 0.06];
+/// And this many pixels all round: what outlines waver by, and what the ends' rows add, is more of a small grain.
+const AREA_MORE_PX: [f64; 2] = [0.25, 0.5];
 /// What a reach may break its bounds by, as a share of the mean width.
 const REACH_SHARE: [f64; 2] = [0.01, 0.04];
 /// And this much more, pixels: bearings and cameras shake by fractions of one.
@@ -62,7 +67,8 @@ pub struct Placed<'a> {
 }
 
 /// What each view's figures are against the others', in the order of the views. Neighbours are views at most 15.5°
-/// away on a turntable; a view that has none is looked at for repeating another, and on a turntable for its focus.
+/// away on a turntable; a view that has none is looked at for repeating another, and on a turntable for its focus and light
+/// beside all others.
 pub fn between(views: &[Placed]) -> Vec<Vec<Check>> {
     let others = |k: usize| -> Vec<Placed> {
         views.iter().enumerate().filter(|(j, _)| *j != k).map(|(_, v)| *v).collect()
@@ -139,14 +145,16 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
 /// Focus, light and height against the neighbours' medians.
 fn beside(others: &[Placed], view: &Placed) -> Vec<Check> {
     let near = neighbours(others, view);
-    let of = |figure: fn(&Traits) -> f64| median(near.iter().map(|n| figure(n.traits)).collect());
+    let of = |views: &[Placed], figure: fn(&Traits) -> f64| {
+        median(views.iter().map(|n| figure(n.traits)).collect())
+    };
     let here = view.traits;
     let both = |f: &dyn Fn(usize) -> f64| [f(0), f(1)];
     let mut checks = Vec::new();
     // Where the steps are long, all views on the turntable stand for the neighbours: the lens is the same.
     let far: Vec<Placed> = others.iter().filter(|o| away(o, view).is_some()).copied().collect();
     let sharp = if near.is_empty() { &far } else { &near };
-    if let Some(blur) = median(sharp.iter().map(|n| n.traits.blur_px).collect()) {
+    if let Some(blur) = of(sharp, |t| t.blur_px) {
         let limits = both(&|k| BLUR_FACTOR[k] * blur + BLUR_MORE_PX[k]);
         checks.push(Check::at_most("focus_change", here.blur_px, "px", limits).or(|| {
             format!(
@@ -155,31 +163,9 @@ fn beside(others: &[Placed], view: &Placed) -> Vec<Check> {
             )
         }));
     }
-    let (Some(contrast), Some(background), Some(full), Some(top)) =
-        (of(|t| t.contrast), of(|t| t.background), of(|t| t.full_share), of(|t| t.top))
-    else {
-        return checks;
-    };
-    let light = both(&|k| EXPOSURE_LEVELS[k].max(EXPOSURE_SHARE[k] * contrast));
-    let tops = both(&|k| TOP_MORE_PX[k] + TOP_SHARE[k] * here.height);
-    checks.extend([
-        Check::at_most("exposure", (here.background - background).abs(), "grey levels", light).or(|| {
-            format!(
-                "the background is at {:.0}, beside the grain in neighbouring views at {background:.0}: keep lamp, exposure \
-                 time and white balance fixed, and shade the stage from other light",
-                here.background
-            )
-        }),
-        Check::at_most("clipping_change", 100.0 * (here.full_share - full), "points", FULL_POINTS).or(|| {
-            format!(
-                "{:.0} % of the lit side of the outline is full, in neighbouring views {:.0} %: keep lamp and exposure \
-                 time fixed",
-                100.0 * here.full_share,
-                100.0 * full
-            )
-        }),
-    ]);
-    if near.len() >= 2 {
+    checks.extend(lit(&near, &far, here));
+    if let Some(top) = of(&near, |t| t.top).filter(|_| near.len() >= 2) {
+        let tops = both(&|k| TOP_MORE_PX[k] + TOP_SHARE[k] * here.height);
         checks.push(Check::at_most("height", (here.top - top).abs(), "px", tops).or(|| {
             format!(
                 "the outline's top is in row {:.1}, in neighbouring views in row {top:.1}, and turning does not lift a \
@@ -189,6 +175,50 @@ fn beside(others: &[Placed], view: &Placed) -> Vec<Check> {
         }));
     }
     checks
+}
+
+/// Light against the views beside it, or against all where these are fewer than two: the lamp is the same.
+fn lit(near: &[Placed], far: &[Placed], here: &Traits) -> Vec<Check> {
+    let is_near = near.len() >= 2;
+    let (others, whose) = if is_near { (near, "neighbouring") } else { (far, "the other") };
+    let of =
+        |figure: &dyn Fn(&Traits) -> f64| median(others.iter().map(|o| figure(o.traits)).collect::<Vec<_>>());
+    let (Some(contrast), Some(background), Some(full)) =
+        (of(&|t| t.contrast), of(&|t| t.background), of(&|t| t.full_share))
+    else {
+        return Vec::new();
+    };
+    // What half of the others are as near as: where there are but two, and one of them is spoiled, the other one.
+    let apart = if is_near {
+        (here.background - background).abs()
+    } else {
+        of(&|t| (t.background - here.background).abs()).unwrap_or(0.0)
+    };
+    let mut light = [0, 1].map(|k| EXPOSURE_LEVELS[k].max(EXPOSURE_SHARE[k] * contrast));
+    if !is_near {
+        light[0] = light[1].min(FAR_LIGHT * light[0]);
+    }
+    if others.len() == 1 {
+        // Which of the two is the wrong one is not told; where it is by its full pixels, the next check says so.
+        light[1] = f64::INFINITY;
+    }
+    vec![
+        Check::at_most("exposure", apart, "grey levels", light).or(|| {
+            format!(
+                "the background is at {:.0}, beside the grain in {whose} views at {background:.0}: keep lamp, exposure \
+                 time and white balance fixed, and shade the stage from other light",
+                here.background
+            )
+        }),
+        Check::at_most("clipping_change", 100.0 * (here.full_share - full), "points", FULL_POINTS).or(|| {
+            format!(
+                "{:.0} % of the lit side of the outline is full, in {whose} views {:.0} %: keep lamp and exposure \
+                 time fixed",
+                100.0 * here.full_share,
+                100.0 * full
+            )
+        }),
+    ]
 }
 
 /// A figure that is a support function of the stage's angle.
@@ -242,7 +272,11 @@ impl Series {
         let mean = |f: fn(&Traits) -> f64| views.iter().map(|v| f(v.traits)).sum::<f64>() / n;
         let width = mean(|t| t.columns[1] - t.columns[0]);
         [0, 1].map(|k| match self {
-            Self::Area => AREA_SHARE[k] * mean(|t| t.filled_px),
+            Self::Area => {
+                // The outline is about as long as its box's.
+                let around = 2.0 * (width + mean(|t| t.height));
+                AREA_SHARE[k] * mean(|t| t.filled_px) + AREA_MORE_PX[k] * around
+            }
             _ => REACH_SHARE[k] * width + REACH_MORE_PX[k],
         })
     }
@@ -259,7 +293,7 @@ impl Series {
         let is_less = below > above;
         let times = if is_less { EXTRAPOLATED } else { 1.0 };
         let beyond = if suspect { times * below.max(above).max(0.0) } else { 0.0 };
-        let whole = self.limits(views)[0] / AREA_SHARE[0];
+        let whole = views.iter().map(|v| v.traits.filled_px).sum::<f64>() / views.len().max(1) as f64;
         let limits = self.limits(views).map(|l| times * l);
         let what = if is_less { "less" } else { "more" };
         let nearest = nearest(rest, point, views);

@@ -11,6 +11,9 @@ use serde::{Deserialize, Serialize};
 /// outline of radius R about σ²/2R too far inside, and round corners off to a radius of σ: at 2.5 % the radius is
 /// 0.13 % and the volume 0.4 % too small, at 5 % the volume is 1.5 % too small.
 const BLUR_SHARE: [f64; 2] = [0.025, 0.05];
+/// But no picture is blamed for less than this many pixels: lens, pixel and colour sampling do as much in focus, so that
+/// of a grain of a few dozen pixels it is the magnification that is wanting, not the focus.
+const BLUR_PX: [f64; 2] = [1.5, 3.0];
 /// The softest direction may be softer than the sharpest by this many pixels; video cards and colour sampling do
 /// as much without any motion.
 const MOTION_PX: [f64; 2] = [1.5, 3.0];
@@ -125,6 +128,14 @@ impl ViewQuality {
         }
     }
 
+    /// States anew at which ends of the picture (as [`super::Report::touches_border`]) the grain is cut off: before a
+    /// turntable only all views together tell whether it is the pedestal that reaches the bottom.
+    pub fn state_border(&mut self, touches: [bool; 4]) {
+        let stated = border(touches);
+        self.checks.iter_mut().filter(|c| c.name == stated.name).for_each(|c| *c = stated.clone());
+        *self = Self::of(std::mem::take(&mut self.checks));
+    }
+
     /// What a person should know: value, unit, limit and remedy of each check that is not good.
     pub fn warnings(&self) -> Vec<String> {
         self.checks.iter().filter(|c| c.verdict != Verdict::Good).map(Check::told).collect()
@@ -195,7 +206,8 @@ pub fn assess(picture: &dyn Source, found: &Found) -> (ViewQuality, Traits) {
 }
 
 fn focus(edge: &Edge, diameter_px: f64) -> Check {
-    Check::at_most("focus", edge.blur_px, "px", BLUR_SHARE.map(|share| share * diameter_px)).or(|| {
+    let limits = [0, 1].map(|k| BLUR_PX[k].max(BLUR_SHARE[k] * diameter_px));
+    Check::at_most("focus", edge.blur_px, "px", limits).or(|| {
         format!(
             "the outline is soft over {:.1} % of the grain's {diameter_px:.0} px: focus the lens on the rotation axis, or \
              close the aperture",
@@ -233,8 +245,13 @@ fn border(touches: [bool; 4]) -> Check {
     let sides: Vec<&str> = Side::ALL.iter().zip(touches).filter(|s| s.1).map(|s| s.0.name()).collect();
     // By itself never bad: pictures with a camera each may show a part. Before a turntable the pipeline refuses it.
     Check::at_most("border", sides.len() as f64, "sides", [0.0, 4.0]).or(|| {
+        let what = if touches == [false, false, false, true] {
+            "the grain, or what it stands on where that was not recognised as a pedestal,"
+        } else {
+            "the grain"
+        };
         format!(
-            "the grain reaches the {} end of the picture, and what lies beyond is missing: move the camera or the grain, \
+            "{what} reaches the {} end of the picture, and what lies beyond is missing: move the camera or the grain, \
              or take away what hangs into the picture",
             sides.join(" and the ")
         )

@@ -19,9 +19,12 @@ const DRAWN: f64 = 1.5;
 /// One of the ways to a volume; not all bodies have all.
 type Way = fn(&Row) -> Option<f64>;
 
-/// The rows as CSV (RFC 4180), with a line of names.
+/// The rows as CSV (RFC 4180), with a line of names; `vr_over_vm` is the real over the reconstructed volume.
 pub fn table(rows: &[Row]) -> String {
-    let mut out = String::from("body,views,angle_deg,voxel,exact,coarse_mesh,fine_mesh,analytic\n");
+    let mut out = String::from(
+        "body,views,angle_deg,vr_over_vm_voxel,vr_over_vm_exact,vr_over_vm_coarse_mesh,vr_over_vm_fine_mesh,\
+         vr_over_vm_analytic\n",
+    );
     for r in rows {
         let v = &r.vr_over_vm;
         let analytic = r.analytic.map_or_else(String::new, |a| format!("{a:.6}"));
@@ -41,7 +44,8 @@ pub fn table(rows: &[Row]) -> String {
     out
 }
 
-/// `V_R/V_M` against the number of views, one diagram for each body, and the excess by itself.
+/// `V_R/V_M`, real over reconstructed volume, against the number of views: for each body a diagram, and one from where the
+/// curve is nearly level.
 pub fn curves(rows: &[Row]) -> Sheet {
     let mut bodies: Vec<&str> = Vec::new();
     for r in rows {
@@ -78,7 +82,7 @@ pub fn curves(rows: &[Row]) -> Sheet {
         ]
     });
     Sheet {
-        title: "Reconstructed over true volume against the number of views over half a turn".into(),
+        title: "V_R/V_M, real over reconstructed volume, against the number of views over half a turn".into(),
         panels: panels.collect(),
         figures: Vec::new(),
         warnings: Vec::new(),

@@ -53,7 +53,8 @@ pub enum StudyError {
     },
 }
 
-/// Reconstructed volume over the true one, four ways.
+/// `V_R/V_M`, four ways: the body's real volume over the model's that is reconstructed from its views. At most 1 but for the
+/// rounding of voxels and facets, since a hull holds its body.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Ratios {
     /// Voxels as large as a pixel whose middles fall on a set pixel in every view, as published.
@@ -75,9 +76,9 @@ pub struct Row {
     pub views: usize,
     /// Angle between neighbouring views, degrees.
     pub angle_deg: f64,
-    /// `V_R/V_M`.
+    /// `V_R/V_M`: real over reconstructed volume.
     pub vr_over_vm: Ratios,
-    /// (2N/π) tan(π/2N), for a ball.
+    /// `V_R/V_M` of a ball by the closed form, (π/2N)/tan(π/2N).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub analytic: Option<f64>,
 }
@@ -137,7 +138,7 @@ impl Study {
         let meshed = |controls: &Controls| {
             let made =
                 mesh(&hull, controls, &mut |_| {}).map_err(|error| StudyError::Mesh { views, error })?;
-            Ok::<f64, StudyError>(made.volume_mm3() / truth)
+            Ok::<f64, StudyError>(truth / made.volume_mm3())
         };
         let n = views as f64;
         Ok(Row {
@@ -145,12 +146,12 @@ impl Study {
             views,
             angle_deg: 180.0 / n,
             vr_over_vm: Ratios {
-                voxel: self.voxels(views)? / truth,
-                exact: self.exact(views)?.volume_mm3() / truth,
+                voxel: truth / self.voxels(views)?,
+                exact: truth / self.exact(views)?.volume_mm3(),
                 coarse_mesh: meshed(&coarse)?,
                 fine_mesh: meshed(&fine)?,
             },
-            analytic: matches!(self.body, Body::Ball(_)).then(|| 2.0 * n / PI * (PI / (2.0 * n)).tan()),
+            analytic: matches!(self.body, Body::Ball(_)).then(|| PI / (2.0 * n) / (PI / (2.0 * n)).tan()),
         })
     }
 

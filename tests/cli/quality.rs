@@ -76,6 +76,23 @@ fn a_picture_that_is_no_good_once_is_taken_again_and_the_result_is_as_without_it
 }
 
 #[test]
+fn an_overexposed_picture_is_taken_again_however_far_apart_the_views_are() {
+    for views in ["6", "10"] {
+        let lab = Lab::new();
+        let volumes = ["", "overexposed_frame_at = 3"].map(|fault| {
+            let faults = format!("faults = {{ {fault} }}");
+            let config = lab.config(&[("plan", "retakes = 1"), ("simulated", &faults)]);
+            let name = if fault.is_empty() { "clean" } else { "spoiled" };
+            volume(&lab.run(&["--config", &config, "--json", "capture", name, "--views", views]).succeeds())
+        });
+        let causes = refused(&lab, "spoiled", 3);
+        assert!(causes.len() == 1 && causes[0].contains("clipping change"), "{views} views: {causes:?}");
+        assert!((volumes[1] / volumes[0] - 1.0).abs() < 2e-3, "{views} views: {volumes:?}");
+        assert!(refused(&lab, "clean", 3).is_empty());
+    }
+}
+
+#[test]
 fn a_picture_that_stays_no_good_suspends_the_run_which_goes_on_once_it_is_mended() {
     let lab = Lab::new();
     let faults: [(&str, &[&str]); 5] = [

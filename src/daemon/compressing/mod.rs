@@ -29,7 +29,7 @@ use crate::contact::{
     ContactError, CurvePoint, Loading, Press, Sample, agreement, fit_hertz, hertz, quasi_static, transition,
 };
 use crate::mesh::TetMesh;
-use crate::session::{Held, hold, read_inside, write_whole};
+use crate::session::{Held, hold, read_inside, to_json, to_json_value, write_whole};
 use body::{mesh_bytes, mesh_from};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -120,7 +120,7 @@ impl Compression {
         settings.placed_deg = placed.turned_deg;
         told("finding the time step", 0.0);
         let press = press(&placed.mesh, &settings)?;
-        let text = serde_json::to_vec_pretty(&settings).map_err(|e| DaemonError::Encode(e.to_string()))?;
+        let text = to_json(&settings).map_err(|e| DaemonError::Encode(e.to_string()))?;
         write_whole(&folder, MESH, &mesh_bytes(&placed.mesh))?;
         // The last of the two: where it is, the other is.
         write_whole(&folder, RUN, &text)?;
@@ -283,7 +283,7 @@ impl Compression {
         };
         result.files = files::write(&self.folder, &self.mesh, press, &result, &self.stages(), others)?;
         let encode = |e: serde_json::Error| DaemonError::Encode(e.to_string());
-        let mut value = serde_json::to_value(&result).map_err(encode)?;
+        let mut value = to_json_value(&result).map_err(|e| DaemonError::Encode(e.to_string()))?;
         round(&mut value);
         write_whole(&self.folder, RESULT, &serde_json::to_vec_pretty(&value).map_err(encode)?)?;
         // What callers print is what the file says.

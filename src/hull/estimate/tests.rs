@@ -1,4 +1,4 @@
-use super::*;
+use super::{estimate as told, *};
 use crate::calibrate::Turntable;
 use crate::geometry::{Angle, Point};
 use crate::silhouette::Silhouette;
@@ -44,6 +44,11 @@ fn ball(z: f64) -> f64 {
 /// A ball with ripples along its axis.
 fn rippled(z: f64) -> f64 {
     ball(z) * (1.0 + 0.05 * (z / 4.0).sin())
+}
+
+/// The estimate of a hull that has one.
+fn estimate(cones: &[Cone], known: &Known) -> VolumeEstimate {
+    told(cones, known).unwrap()
 }
 
 /// The hull of a body of revolution, exactly.
