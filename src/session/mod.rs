@@ -19,6 +19,7 @@ pub mod import;
 pub mod journal;
 pub mod manifest;
 mod name;
+mod pattern;
 pub mod picture;
 mod recording;
 pub mod replay;
