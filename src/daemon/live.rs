@@ -168,7 +168,7 @@ pub fn resume(
     let missing = recording.views().len() < manifest.plan.views.len();
     let rig = if missing {
         session.check_space(view_bytes(&config))?;
-        devices::open(&config)?
+        devices::take_up(&config, devices::before(recording))?
     } else {
         let (stage, camera) = replay(recording.clone());
         devices::Rig { stage: Box::new(stage), camera: Box::new(camera), truth: None }

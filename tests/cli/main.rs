@@ -7,6 +7,7 @@ mod kit;
 mod names;
 mod pictures;
 mod quality;
+mod rehearsal;
 mod sessions;
 mod settings;
 mod streams;
