@@ -11,3 +11,4 @@ mod rehearsal;
 mod sessions;
 mod settings;
 mod streams;
+mod units;

@@ -220,7 +220,7 @@ impl Compression {
         });
         let quasi = quasi_static(samples);
         let energy = samples.last().map(|s| s.energy).unwrap_or_default();
-        let mut warnings = Vec::new();
+        let mut warnings = settings.taken_as_given.clone();
         warnings.extend(quasi.and_then(|q| q.warning()));
         if energy.balance_error().abs() > 0.01 {
             warnings.push(format!(
