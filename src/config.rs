@@ -2,6 +2,7 @@
 
 use crate::acquire::{AcquireSettings, PlanSettings};
 use crate::pipeline::{self, HullSettings, MeshSettings, ReportSettings, TurntableSettings};
+use crate::plausible::{self, Doubt};
 use crate::{rig, silhouette};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -10,6 +11,8 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
+    /// Whether figures that look like slips of unit (a pixel of 4.3 mm) are meant so.
+    pub as_given: bool,
     /// Which devices turn and photograph the grain.
     pub rig: RigSettings,
     /// How many views, how far apart.
@@ -124,7 +127,10 @@ impl Default for ServeSettings {
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
     /// The file can't be read.
-    #[error("cannot read the configuration {}: {source}; check the path given to --config", path.display())]
+    #[error(
+        "cannot read the configuration {}: {source}; {} (it was given to --config)",
+        path.display(), crate::system::remedy(source)
+    )]
     Read {
         /// The file.
         path: PathBuf,
@@ -167,13 +173,34 @@ impl Config {
         fn said(error: impl std::fmt::Display) -> ConfigError {
             ConfigError::Value(error.to_string())
         }
+        let doubts = self.doubts();
+        plausible::slips(&doubts, self.as_given).map_err(said)?;
         self.plan.check().map_err(said)?;
         self.optics.check().map_err(said)?;
         self.computation().check().map_err(said)?;
         match self.rig.kind {
             RigKind::Simulated => self.simulated.check().map_err(said),
             RigKind::Hardware => self.check_hardware(),
+        }?;
+        plausible::settle(doubts, self.as_given).map(|_| ()).map_err(said)
+    }
+
+    /// What of the figures no laboratory has. Sizes of elements are held against the grain's once that is known.
+    pub fn doubts(&self) -> Vec<Doubt> {
+        let turn = f64::from(self.plan.steps_per_view) * self.plan.step_deg;
+        let mut doubts = self.optics.doubts();
+        doubts.extend(plausible::VIEW_STEP.doubt(turn));
+        doubts.extend(self.hull.voxel_mm.and_then(|v| plausible::VOXEL.doubt(v)));
+        let is_simulated = self.rig.kind == RigKind::Simulated || self.rig.camera == CameraKind::Simulated;
+        if is_simulated {
+            let s = &self.simulated;
+            doubts.extend(plausible::GRAIN_SIZE.doubt(s.grain_size_mm));
+            doubts.extend(s.sphere_diameter_mm.and_then(|d| plausible::SPHERE.doubt(d)));
+            doubts.extend(plausible::MM_PER_PX.named("simulated.mm_per_px").doubt(s.mm_per_px));
+            let distance = plausible::CAMERA_DISTANCE.named("simulated.camera_distance_mm");
+            doubts.extend(s.camera_distance_mm.and_then(|d| distance.doubt(d)));
         }
+        doubts
     }
 
     fn check_hardware(&self) -> Result<(), ConfigError> {
@@ -219,6 +246,7 @@ impl Config {
     /// The part that the computation needs.
     pub fn computation(&self) -> pipeline::Settings {
         pipeline::Settings {
+            as_given: self.as_given,
             silhouette: self.silhouette.clone(),
             hull: self.hull.clone(),
             mesh: self.mesh.clone(),

@@ -14,11 +14,13 @@ pub mod rig;
 pub mod server;
 pub mod session;
 pub mod study;
+pub mod system;
 // Below this line: pure computation. No files, clock, threads of its own, logging or async; rayon only.
 pub mod calibrate;
 pub mod contact;
 pub mod geometry;
 pub mod hull;
 pub mod mesh;
+pub mod plausible;
 pub mod register;
 pub mod silhouette;

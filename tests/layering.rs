@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// The house, from its roof to its foundation. In the pure half a stage of the computation may import the
 /// stages whose values it takes, so the way of the data runs upwards from geometry.
-const ROOMS: [&str; 20] = [
+const ROOMS: [&str; 22] = [
     "main",
     "cli",
     "server",
@@ -16,6 +16,7 @@ const ROOMS: [&str; 20] = [
     "study",
     "session",
     "rig",
+    "system",
     "report",
     "export",
     "contact",
@@ -25,9 +26,11 @@ const ROOMS: [&str; 20] = [
     "calibrate",
     "silhouette",
     "geometry",
+    "plausible",
     "lib",
 ];
-const PURE: [&str; 7] = ["contact", "mesh", "register", "hull", "calibrate", "silhouette", "geometry"];
+const PURE: [&str; 8] =
+    ["contact", "mesh", "register", "hull", "calibrate", "silhouette", "geometry", "plausible"];
 /// What has no place in a pure room: files, clocks, threads of its own, logging, async.
 const IMPURE: [&str; 8] =
     ["std::fs", "std::net", "std::thread", "std::time", "tracing::", "tokio::", "println!", "std::env"];

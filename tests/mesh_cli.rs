@@ -69,7 +69,7 @@ fn a_surface_becomes_three_files_and_one_object_of_figures() {
     assert!(stl::read(&fs::read(at.join("c.stl")).unwrap()).unwrap().triangles.len() < again.triangles.len());
 
     // The same numbers read as micrometres: the same mesh, a thousand times smaller; and text for people.
-    let sizes = ["--surface-size-mm", "0.0001", "--unit", "um"];
+    let sizes = ["--surface-size-mm", "0.0001", "--unit", "um", "--as-given"];
     let out = grainrig(at, &[&["mesh", "ball.STL"][..], &sizes[..]].concat());
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
     let said = String::from_utf8(out.stdout).unwrap();
@@ -120,11 +120,11 @@ fn what_cannot_be_meshed_is_refused_with_its_name_and_a_remedy() {
     refused(at, &["mesh", "ball.stl", "--facet-angle-deg", "45"], 2, &["45 °", "at most 30°"]);
     refused(
         at,
-        &["mesh", "ball.stl", "--surface-size-mm", "1e-5"],
+        &["mesh", "ball.stl", "--surface-size-mm", "1e-5", "--as-given"],
         2,
         &["tetrahedra", "set surface_size_mm"],
     );
-    refused(at, &["mesh", "ball.stl", "--surface-size-mm", "50"], 1, &["ball.stl", "smaller"]);
+    refused(at, &["mesh", "ball.stl", "--surface-size-mm", "50", "--as-given"], 1, &["ball.stl", "smaller"]);
     refused(at, &["mesh", "ball.stl", "--unit", "inch"], 2, &["um", "mm"]);
     assert!(!at.join("ball.inp").exists());
     let out = grainrig(at, &["mesh", "text.stl", "--surface-size-mm", "0.2"]);
@@ -315,4 +315,120 @@ fn voxels_become_a_mesh_of_their_volume() {
     refused(at, &["mesh", "bare.nrrd"], 1, &["how large its voxels are", "spacings"]);
     fs::write(at.join("ball.stl"), written(&ball())).unwrap();
     refused(at, &["mesh", "ball.stl", "--threshold", "1"], 2, &["--threshold goes with voxels"]);
+}
+
+/// The ball in a file of a kind, every coordinate `scale` times its own and then `shift` on.
+fn moved(kind: &str, scale: f64, shift: f64) -> Vec<u8> {
+    let mut surface = ball();
+    surface.vertices.iter_mut().for_each(|p| *p = Point::from(p.coords * scale).map(|x| x + shift));
+    if kind == "stl" {
+        // Written here: the program itself refuses to write such a file.
+        let mut bytes = vec![0u8; 80];
+        bytes.extend((surface.triangles.len() as u32).to_le_bytes());
+        for t in 0..surface.triangles.len() {
+            bytes.extend([0u8; 12]);
+            surface.corners(t).iter().flat_map(|p| [p.x, p.y, p.z]).for_each(|x| {
+                bytes.extend((x as f32).to_le_bytes());
+            });
+            bytes.extend([0, 0]);
+        }
+        return bytes;
+    }
+    let mut text = format!("ply\nformat ascii 1.0\nelement vertex {}\n", surface.vertices.len());
+    text += "property double x\nproperty double y\nproperty double z\n";
+    write!(text, "element face {}\n", surface.triangles.len()).unwrap();
+    text += "property list uchar uint vertex_indices\nend_header\n";
+    surface.vertices.iter().for_each(|p| writeln!(text, "{} {} {}", p.x, p.y, p.z).unwrap());
+    surface.triangles.iter().for_each(|[a, b, c]| writeln!(text, "3 {a} {b} {c}").unwrap());
+    text.into_bytes()
+}
+
+#[test]
+fn coordinates_that_overflow_or_have_lost_their_digits_are_refused_with_value_and_limit() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let save = |name: &str, bytes: &[u8]| fs::write(at.join(name), bytes).unwrap();
+    let origin = "move it to the origin before it is exported";
+    save("shifted.stl", &moved("stl", 1.0, 1e7));
+    refused(
+        at,
+        &["mesh", "shifted.stl"],
+        1,
+        &["shifted.stl", "single precision are 1 apart", "1000", origin],
+    );
+    refused(at, &["compress", "shifted.stl"], 1, &["shifted.stl", "single precision are 1 apart", origin]);
+    refused(at, &["study", "sensitivity", "--stl", "shifted.stl"], 1, &["shifted.stl", origin]);
+    save("shifted.ply", &moved("ply", 1.0, 1e15));
+    refused(at, &["mesh", "shifted.ply"], 1, &["shifted.ply", "double precision are 0.125 apart", origin]);
+    for (kind, scale) in [("stl", 1e37), ("ply", 1e37), ("ply", 1e200), ("stl", 1e-37), ("ply", 1e-300)] {
+        let name = format!("scaled.{kind}");
+        save(&name, &moved(kind, scale, 0.0));
+        let limits = "it must be 1e-6 to 1e6 mm";
+        refused(at, &["mesh", &name, "--as-given"], 1, &[&name, "mm long", limits, "--unit"]);
+    }
+    save("overflown.stl", &moved("stl", 1e39, 0.0));
+    refused(at, &["mesh", "overflown.stl"], 1, &["overflown.stl", "not a finite number", "inf"]);
+    save(
+        "nan.ply",
+        String::from_utf8(moved("ply", 1.0, 0.0)).unwrap().replacen("\n1", "\nNaN", 40).as_bytes(),
+    );
+    refused(at, &["mesh", "nan.ply"], 1, &["nan.ply", "NaN"]);
+    let deck = |x: &str| {
+        format!(
+            "*NODE\n1, {x}, 0, 0\n2, 1, 0, 0\n3, 0, 1, 0\n4, 0, 0, 1\n*ELEMENT, TYPE=C3D4\n1, 1, 2, 3, 4\n"
+        )
+    };
+    for (x, part) in [("NaN", "not finite"), ("inf", "not finite"), ("1e38", "1e-6 to 1e6 mm")] {
+        save("deck.inp", deck(x).as_bytes());
+        refused(at, &["mesh", "deck.inp", "--as-given"], 1, &["deck.inp", part]);
+    }
+    let volume = |origin: &str, pitch: &str| {
+        let header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\nencoding: raw\n";
+        let space = "space dimension: 3\n";
+        let mut bytes =
+            format!("{header}{space}space origin: ({origin},0,0)\nspacings: {pitch} {pitch} {pitch}\n\n");
+        (0..64).for_each(|i| bytes.push(if (21..43).contains(&i) { '\u{1}' } else { '\0' }));
+        bytes.into_bytes()
+    };
+    for (from, pitch, part) in
+        [("1e20", "0.1", origin), ("0", "1e38", "1e-6 to 1e6 mm"), ("0", "1e-38", "1e-6 to 1e6 mm")]
+    {
+        save("voxels.nrrd", &volume(from, pitch));
+        refused(at, &["mesh", "voxels.nrrd", "--as-given"], 1, &["voxels.nrrd", part]);
+    }
+    assert!(!at.join("shifted.inp").exists() && !at.join("scaled.inp").exists());
+}
+
+#[test]
+fn a_shift_that_leaves_enough_digits_changes_nothing_but_the_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let figures = |name: &str, bytes: &[u8]| -> (Value, f64) {
+        fs::write(at.join(name), bytes).unwrap();
+        let sizes = ["--surface-size-mm", "0.1", "--out", "made.inp", "--json"];
+        let out = grainrig(at, &[&["mesh", name][..], &sizes[..]].concat());
+        assert!(out.status.success(), "{name}: {}", String::from_utf8_lossy(&out.stderr));
+        let made = grainrig::export::inp_read::read(&fs::read(at.join("made.inp")).unwrap()).unwrap();
+        assert_eq!(made.check(), Ok(()));
+        let x = made.nodes.iter().map(|p| p.x).sum::<f64>() / made.nodes.len() as f64;
+        (serde_json::from_slice(&out.stdout).unwrap(), x)
+    };
+    let (own, x) = figures("own.ply", &moved("ply", 1.0, 0.0));
+    let volume = |v: &Value| v["volume_mm3"].as_f64().unwrap();
+    for (name, shift, share) in [
+        ("near.stl", 100.0, 1e-4),
+        ("far.stl", 5e3, 1e-3),
+        ("far.ply", 1e7, 1e-6),
+        ("farther.ply", -3e8, 1e-6),
+    ] {
+        let kind = name.rsplit('.').next().unwrap();
+        let (made, there) = figures(name, &moved(kind, 1.0, shift));
+        assert!((volume(&made) / volume(&own) - 1.0).abs() < share.max(2e-3), "{name}: {made}");
+        assert!(
+            (made["input_volume_mm3"].as_f64().unwrap() / own["input_volume_mm3"].as_f64().unwrap() - 1.0)
+                .abs()
+                < share
+        );
+        assert!((there - x - shift).abs() < 0.01, "{name}: {there} {x}");
+    }
 }

@@ -3,6 +3,7 @@
 use super::output::{print, print_json};
 use super::{Common, help, usage};
 use crate::daemon::{Angles, BodyKind, ScaleFile, ScaleRequest, calibrate_scale};
+use crate::plausible::{self, Doubt};
 use crate::session::{to_json, write_whole};
 use anyhow::{Context as _, Result};
 use clap::{Args, Subcommand};
@@ -76,7 +77,7 @@ fn run_scale(common: &Common, arguments: ScaleArguments) -> Result<()> {
         (None, Some(d)) => (BodyKind::Pin, d),
         (None, None) => return Err(usage("give --ball-diameter-mm or --pin-diameter-mm")),
     };
-    let angles = match (arguments.step_deg, arguments.angles) {
+    let angles = match (arguments.step_deg, arguments.angles.clone()) {
         (Some(step), _) => Angles::Step(step),
         (None, Some(each)) => Angles::Each(each),
         (None, None) => Angles::Unknown,
@@ -89,6 +90,8 @@ fn run_scale(common: &Common, arguments: ScaleArguments) -> Result<()> {
     if !finite {
         return Err(usage("an angle is not a finite number of degrees; correct --step-deg or --angles"));
     }
+    let doubts = doubts(body, diameter_mm, &arguments);
+    plausible::slips(&doubts, common.as_given)?;
     let (folder, name) = whole_name(&arguments.out)?;
     if arguments.out.extension().and_then(|e| e.to_str()).is_some_and(super::import::is_picture) {
         return Err(usage(format!(
@@ -107,11 +110,32 @@ fn run_scale(common: &Common, arguments: ScaleArguments) -> Result<()> {
         angles,
         silhouette: config.silhouette,
     };
-    let file = calibrate_scale(&request)?;
+    let mut file = calibrate_scale(&request)?;
+    let doubts = doubts.into_iter().chain(file.mm_per_px.value.and_then(|v| plausible::MM_PER_PX.doubt(v)));
+    file.warnings.extend(plausible::settle(doubts.collect(), common.as_given)?);
     let text = to_json(&file).context("cannot encode the calibration")?;
     write_whole(&folder, &name, &text)
         .with_context(|| format!("cannot write {}", arguments.out.display()))?;
     if common.json { print_json(&file) } else { print(&summary(&file, &arguments.out)) }
+}
+
+/// What of the figures no laboratory has.
+fn doubts(body: BodyKind, diameter_mm: f64, a: &ScaleArguments) -> Vec<Doubt> {
+    let name = match body {
+        BodyKind::Ball => "ball_diameter_mm",
+        BodyKind::Pin => "pin_diameter_mm",
+    };
+    let tolerance = plausible::share_of("ball_tolerance_mm", diameter_mm, [0.0, 0.1]);
+    let step = plausible::VIEW_STEP.named("step_deg");
+    [
+        plausible::DIAMETER.named(name).doubt(diameter_mm),
+        tolerance.doubt(a.ball_tolerance_mm),
+        a.camera_distance_mm.and_then(|d| plausible::CAMERA_DISTANCE.doubt(d)),
+        a.step_deg.and_then(|s| step.doubt(s.abs())),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
 }
 
 /// The folder and the name of a file that is to be written.

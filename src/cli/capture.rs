@@ -76,6 +76,7 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     if let Some(quality) = arguments.quality {
         config.acquire.quality = quality.into();
     }
+    config.check()?;
     let control = stoppable();
     let progress = Progress::new();
     let outcome = daemon::capture(
@@ -91,6 +92,12 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
 }
 
 pub(super) fn resume(common: &Common, arguments: &ResumeArguments) -> Result<()> {
+    if common.as_given {
+        return Err(usage(
+            "--as-given goes with a new session, or with `grainrig reconstruct` of one whose views are all there: what is \
+             resumed goes on as it was begun",
+        ));
+    }
     let folder = super::session_folder(common, &arguments.session)?;
     let control = stoppable();
     let progress = Progress::new();

@@ -142,7 +142,7 @@ pub(super) fn run(common: &Common, a: &Arguments) -> Result<()> {
         tell("reading the body", 0.0);
         let (input, out) = input(common, a)?;
         let name = a.input.as_ref().map(|path| path.display().to_string());
-        let request = request(a);
+        let request = request(a, common.as_given);
         let settings = request.settings().map_err(usage)?;
         let made = Compression::begin(&out, input, &request.placing(), settings, &mut tell);
         meshing.finish_and_clear();
@@ -169,7 +169,7 @@ pub(super) fn run(common: &Common, a: &Arguments) -> Result<()> {
 /// What is wrong with a body begins with the name of its file.
 fn named(error: DaemonError, name: Option<String>) -> anyhow::Error {
     let of_body = match &error {
-        DaemonError::Mesh(_) => true,
+        DaemonError::Mesh(_) | DaemonError::Doubt(_) => true,
         DaemonError::Contact(e) => !matches!(e, ContactError::Setting { .. } | ContactError::Unstable { .. }),
         _ => false,
     };
@@ -208,7 +208,7 @@ fn show(bar: &indicatif::ProgressBar, said: &mut Option<u32>, p: &CompressProgre
 }
 
 /// What was asked, as a script or the monitor would ask it.
-fn request(a: &Arguments) -> CompressRequest {
+fn request(a: &Arguments, as_given: bool) -> CompressRequest {
     CompressRequest {
         material: a.material.into(),
         young_mpa: a.young_mpa,
@@ -226,6 +226,7 @@ fn request(a: &Arguments) -> CompressRequest {
         mass_scaling: a.mass_scaling,
         time_step_s: a.time_step_s,
         transition_n: a.transition_n,
+        as_given,
     }
 }
 
@@ -246,8 +247,7 @@ fn input(common: &Common, a: &Arguments) -> Result<(CompressInput, PathBuf)> {
         return Ok((CompressInput::Surface(surface, path.display().to_string()), out(&name)));
     }
     if ending == "inp" || ending == "msh" {
-        let bytes =
-            std::fs::read(path).with_context(|| format!("cannot read {}; check the path", path.display()))?;
+        let bytes = crate::system::read(path)?;
         let read = if ending == "inp" { inp_read::read(&bytes) } else { msh::read(&bytes) };
         let mut mesh = read.with_context(|| path.display().to_string())?;
         mesh.nodes.iter_mut().for_each(|p| p.coords *= a.unit.in_mm());
@@ -276,9 +276,7 @@ fn input(common: &Common, a: &Arguments) -> Result<(CompressInput, PathBuf)> {
 
 /// The closed surface of an STL file, facing outwards.
 fn surface(path: &Path, unit: Unit) -> Result<TriangleMesh> {
-    let bytes =
-        std::fs::read(path).with_context(|| format!("cannot read {}; check the path", path.display()))?;
-    surface_of(&bytes, path, unit)
+    surface_of(&crate::system::read(path)?, path, unit)
 }
 
 fn surface_of(bytes: &[u8], path: &Path, unit: Unit) -> Result<TriangleMesh> {

@@ -130,7 +130,6 @@ pub(super) fn run(common: &Common, arguments: Arguments) -> Result<()> {
                 clockwise: false,
                 refine: config.optics.refine && !arguments.no_refine,
             };
-            table.check().map_err(usage)?;
             ImportGeometry::Turntable { table, picture_px: scale.picture_px }
         }
     };

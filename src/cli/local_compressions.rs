@@ -14,9 +14,8 @@ impl LocalRig {
             | CompressError::Busy { .. }
             | CompressError::NotNow(_) => RefusalKind::Busy,
             CompressError::Daemon(DaemonError::Session(e)) => return refused(e),
-            CompressError::Daemon(DaemonError::Contact(_)) | CompressError::Unfinished { .. } => {
-                RefusalKind::Invalid
-            }
+            CompressError::Daemon(DaemonError::Contact(_) | DaemonError::Doubt(_))
+            | CompressError::Unfinished { .. } => RefusalKind::Invalid,
             CompressError::Absent => RefusalKind::NotFound,
             CompressError::Daemon(_) => RefusalKind::Failed,
         };

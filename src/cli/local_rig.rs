@@ -256,9 +256,9 @@ pub(super) fn refused(error: &SessionError) -> Refusal {
             ),
         )
         .with_detail(error),
-        SessionError::Io { .. } => Refusal::new(
+        SessionError::Io { source, .. } => Refusal::new(
             RefusalKind::Disk,
-            "the data folder cannot be read or written; the daemon's log has the reason",
+            format!("the data folder cannot be read or written: {source}; {}", crate::system::remedy(source)),
         )
         .with_detail(error),
         _ => Refusal::new(

@@ -7,8 +7,10 @@ use super::reconstruct::MeshOptions;
 use super::{Common, usage};
 use crate::daemon::{self, Finished};
 use crate::export::{inp, inp_read};
+use crate::geometry::Aabb;
 use crate::mesh::{Controls, Distances, mesh};
 use crate::pipeline::MeshResult;
+use crate::plausible::{self, Doubt};
 use crate::report::{Sheet, mesh_sheet};
 use crate::session::{sha256_hex, to_json_value};
 use anyhow::{Context as _, Result};
@@ -92,18 +94,25 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     }
     let start = Instant::now();
     let name = || input.display().to_string();
-    let Input { body, volume_mm3, what, box_mm, places, turned, bytes } =
+    let Input { body, volume_mm3, what, box_mm, moved_mm, places, turned, bytes } =
         open(input, arguments.unit, arguments.threshold)?;
     let coarser = if arguments.preset == Some(Preset::Coarse) { COARSE } else { 1.0 };
     let diameter_mm = coarser * (6.0 * volume_mm3 / std::f64::consts::PI).cbrt();
-    let controls = arguments.mesh.settings().unwrap_or_default().controls(diameter_mm);
+    let asked = arguments.mesh.settings().unwrap_or_default();
+    let longest_mm = Aabb::of(places.iter().copied()).map_or(0.0, |b| b.size().max());
+    let doubts: Vec<Doubt> =
+        body_doubt(longest_mm, arguments.unit).into_iter().chain(asked.doubts(longest_mm)).collect();
+    plausible::slips(&doubts, common.as_given).with_context(name)?;
+    let controls = asked.controls(diameter_mm);
     controls.check().map_err(usage)?;
+    let notes = plausible::settle(doubts, common.as_given).with_context(name)?;
     let bar = super::progress::percent("meshing");
-    let made = mesh(body.as_ref(), &controls, &mut |done| bar.set_position((done * 100.0) as u64))
+    let mut made = mesh(body.as_ref(), &controls, &mut |done| bar.set_position((done * 100.0) as u64))
         .with_context(name)?;
     let seconds = start.elapsed().as_secs_f64();
     bar.finish_and_clear();
     let distances = Distances::measure(body.as_ref(), &made, &places).with_context(name)?;
+    made.nodes.iter_mut().for_each(|p| *p += moved_mm);
     let result = MeshResult::new(&made, &controls, true);
     let said = Said { result: &result, distances: &distances, volume_mm3, made_mm3: made.volume_mm3() };
     let software = concat!("grainrig ", env!("CARGO_PKG_VERSION"));
@@ -112,6 +121,7 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         format!("sha256 of the input {}", sha256_hex(&bytes)),
         format!("controls {}", serde_json::to_string(&controls)?),
     ];
+    provenance.extend(notes.iter().cloned());
     if turned {
         provenance.push("the input was inside out and has been turned".to_owned());
     }
@@ -126,6 +136,7 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         object["distance_from_input_mm"] = to_json_value(&distances.from_body)?;
         object["turned_outwards"] = turned.into();
         object["seconds"] = seconds.into();
+        object["warnings"] = notes.into();
         object["files"] = outputs.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().into();
         return print_json(&object);
     }
@@ -134,8 +145,23 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         box_mm.x, box_mm.y, box_mm.z
     )];
     lines.extend(said.lines(seconds));
+    lines.extend(notes.iter().map(|n| format!("note       {n}")));
     lines.extend(outputs.iter().map(|path| format!("{:<10} {}", ending(path), path.display())));
     print(&(lines.join("\n") + "\n"))
+}
+
+/// The doubt at a body's length, with the unit that its file's numbers seem to have.
+pub(super) fn body_doubt(longest_mm: f64, unit: Unit) -> Option<Doubt> {
+    let doubt = plausible::GRAIN.doubt(longest_mm)?;
+    let Some(factor) = doubt.factor() else { return Some(doubt) };
+    let in_mm = (factor * unit.in_mm()).log10().round() as i32;
+    Some(match [(-3, "um"), (0, "mm"), (3, "m")].iter().find(|(power, _)| *power == in_mm) {
+        Some((_, unit)) => {
+            let meant = plausible::figure(factor * longest_mm);
+            doubt.where_change(format!("{meant} mm (--unit {unit})"))
+        }
+        None => doubt,
+    })
 }
 
 /// How far the contact sets reach: as far as the contacts were made fine, else one surface size, mm.
@@ -155,7 +181,13 @@ fn of_session(common: &Common, arguments: &Arguments) -> Result<()> {
     }
     let folder = super::session_folder(common, input)?;
     let progress = Progress::new();
-    let outcome = daemon::reconstruct(&folder, arguments.mesh.settings().as_ref(), true, &progress.watcher());
+    let outcome = daemon::reconstruct(
+        &folder,
+        arguments.mesh.settings().as_ref(),
+        true,
+        common.as_given,
+        &progress.watcher(),
+    );
     progress.finish();
     let done = outcome?;
     for path in &arguments.out {

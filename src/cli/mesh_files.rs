@@ -4,10 +4,11 @@ use super::mesh::Unit;
 use super::output::say;
 use super::usage;
 use crate::export::{glb, inp, inp_read, msh, nrrd, ply, stl, vtu};
-use crate::geometry::{ImplicitBody, Point, TriangleMesh, Vector};
-use crate::mesh::{MOST_TRIANGLES, MeshError, Solid, TetMesh, Voxels};
+use crate::geometry::{Aabb, ImplicitBody, Point, TriangleMesh, Vector};
+use crate::mesh::{MOST_TRIANGLES, MeshError, Solid, TetMesh, Voxels, check_extent};
 use crate::report::Sheet;
 use crate::session::write_whole;
+use crate::system::FileError;
 use anyhow::{Context as _, Result, anyhow};
 use std::io::Read as _;
 use std::path::Path;
@@ -24,22 +25,30 @@ pub(super) fn ending(path: &Path) -> String {
 /// Reads a surface, or the surface of a mesh, in mm; and the file's bytes.
 pub(super) fn read(path: &Path, unit: Unit) -> Result<(TriangleMesh, Vec<u8>)> {
     let name = || path.display().to_string();
-    let missing = || format!("cannot read {}; check the path", name());
+    let unread = |source| FileError { action: "read", path: path.into(), source };
     if ending(path) == "stl" {
         // Said before the file is read, which takes memory.
-        let file = std::fs::File::open(path).with_context(missing)?;
-        let length = file.metadata().with_context(missing)?.len();
+        let file = std::fs::File::open(path).map_err(unread)?;
+        let length = file.metadata().map_err(unread)?.len();
         let mut header = Vec::new();
-        file.take(stl::HEADER as u64).read_to_end(&mut header).with_context(missing)?;
+        file.take(stl::HEADER as u64).read_to_end(&mut header).map_err(unread)?;
         let count = stl::announced(&header, length).filter(|n| *n > MOST_TRIANGLES);
         if let Some(count) = count.filter(|n| (stl::HEADER + stl::TRIANGLE * n) as u64 <= length) {
             return Err(MeshError::Triangles { count, limit: MOST_TRIANGLES }).with_context(name);
         }
     }
-    let bytes = std::fs::read(path).with_context(missing)?;
+    let bytes = crate::system::read(path)?;
     let of_mesh = |mesh: TetMesh| -> Result<TriangleMesh> {
         mesh.check().with_context(|| format!("{}: its tetrahedra are no mesh", name()))?;
         Ok(mesh.surface().triangles)
+    };
+    let of_mesh = |mesh: TetMesh| -> Result<TriangleMesh> {
+        // Said before its tetrahedra are looked at, whose volumes would be no numbers.
+        let scaled = mesh.nodes.iter().map(|p| p * unit.in_mm());
+        if let Some(bounds) = Aabb::of(scaled).filter(|b| b.farthest().is_finite()) {
+            check_extent(&bounds).with_context(name)?;
+        }
+        of_mesh(mesh)
     };
     let mut surface = match ending(path).as_str() {
         "ply" => ply::read(&bytes).with_context(name)?,
@@ -58,6 +67,8 @@ pub(super) struct Input {
     /// What `volume_mm3` is the volume of.
     pub(super) what: &'static str,
     pub(super) box_mm: Vector,
+    /// Where the body's own origin is in the file's frame, mm: one that lies far away is computed with near its own.
+    pub(super) moved_mm: Vector,
     /// Places on its surface, from which distances to a mesh are measured.
     pub(super) places: Vec<Point>,
     /// Whether its triangles faced inwards and were turned.
@@ -73,7 +84,12 @@ pub(super) fn open(path: &Path, unit: Unit, threshold: Option<f64>) -> Result<In
     if threshold.is_some() {
         return Err(usage(format!("{}: --threshold goes with voxels (.nrrd)", path.display())));
     }
-    let (surface, bytes) = read(path, unit)?;
+    let (mut surface, bytes) = read(path, unit)?;
+    let moved_mm = surface.bounds().map_or_else(Vector::zeros, |b| away(&b));
+    if moved_mm != Vector::zeros() {
+        surface.bounds().as_ref().map_or(Ok(()), check_extent).with_context(|| path.display().to_string())?;
+        surface.vertices.iter_mut().for_each(|p| *p -= moved_mm);
+    }
     let (solid, turned) = outwards(surface, path)?;
     let surface = solid.surface();
     let middles = (0..surface.triangles.len())
@@ -83,6 +99,7 @@ pub(super) fn open(path: &Path, unit: Unit, threshold: Option<f64>) -> Result<In
         volume_mm3: surface.volume_mm3(),
         what: "surface",
         box_mm: solid.bounds().size(),
+        moved_mm,
         places: middles.chain(surface.vertices.iter().copied()).collect(),
         turned,
         bytes,
@@ -110,7 +127,7 @@ fn voxels(path: &Path, unit: Unit, threshold: Option<f64>) -> Result<Input> {
     if let Some(t) = threshold.filter(|t| !t.is_finite()) {
         return Err(usage(format!("--threshold {t}: it must be a finite number, in the file's grey values")));
     }
-    let bytes = std::fs::read(path).with_context(|| format!("cannot read {}; check the path", name()))?;
+    let bytes = crate::system::read(path)?;
     let volume = nrrd::read(&bytes).with_context(name)?;
     let in_mm = match volume.unit.as_deref() {
         None => unit.in_mm(),
@@ -139,6 +156,11 @@ fn voxels(path: &Path, unit: Unit, threshold: Option<f64>) -> Result<Input> {
     let origin = Point::from(volume.origin) * in_mm;
     let size = volume.size;
     drop(volume);
+    let edges = Vector::from(size.map(|n| n as f64)) * pitch_mm;
+    let bounds = Aabb { min: origin, max: origin + edges };
+    check_extent(&bounds).with_context(name)?;
+    let moved_mm = away(&bounds);
+    let origin = origin - moved_mm;
     let body = Voxels::new(origin, pitch_mm, size, &inside).with_context(name)?;
     let volume_mm3 = body.volume_mm3();
     if volume_mm3 == 0.0 {
@@ -153,8 +175,16 @@ fn voxels(path: &Path, unit: Unit, threshold: Option<f64>) -> Result<Input> {
             sides.join(", ")
         ));
     }
-    let (box_mm, places) = (Vector::from(size.map(|n| n as f64)) * pitch_mm, body.places());
-    Ok(Input { volume_mm3, what: "voxels", box_mm, places, turned: false, bytes, body: Box::new(body) })
+    let (box_mm, places) = (edges, body.places());
+    let what = "voxels";
+    Ok(Input { volume_mm3, what, box_mm, moved_mm, places, turned: false, bytes, body: Box::new(body) })
+}
+
+/// The middle of a box that lies farther from the origin than a thousand of its lengths, where rounding begins to tell; else
+/// nought.
+fn away(bounds: &Aabb) -> Vector {
+    const FAR: f64 = 1000.0;
+    if bounds.farthest() > FAR * bounds.size().max() { bounds.center().coords } else { Vector::zeros() }
 }
 
 /// What is written of a mesh.

@@ -29,6 +29,7 @@ use crate::contact::ContactError;
 use crate::daemon::DaemonError;
 use crate::mesh::MeshError;
 use crate::pipeline::PipelineError;
+use crate::plausible::Doubt;
 use crate::session::{SessionError, Store};
 use anyhow::Result;
 use clap::{Args, Parser, Subcommand};
@@ -69,6 +70,9 @@ struct Common {
     /// Folder that holds the sessions.
     #[arg(long, global = true, value_name = "DIR", default_value = DATA, help_heading = COMMON)]
     data: PathBuf,
+    /// Take figures as they are that look like slips of unit (a pixel of 4.3 mm, a modulus of 100 MPa); the result says so.
+    #[arg(long, global = true, help_heading = COMMON)]
+    as_given: bool,
     /// Print one result object (JSON) on stdout; progress and logs stay on stderr.
     #[arg(long, global = true, help_heading = COMMON)]
     json: bool,
@@ -76,7 +80,8 @@ struct Common {
 
 impl Common {
     fn config(&self) -> Result<Config> {
-        let config = self.config.as_deref().map_or_else(|| Ok(Config::default()), Config::read)?;
+        let mut config = self.config.as_deref().map_or_else(|| Ok(Config::default()), Config::read)?;
+        config.as_given |= self.as_given;
         config.check()?;
         Ok(config)
     }
@@ -179,6 +184,10 @@ pub fn run() -> ExitCode {
         // A log that nobody can read any more must not end the job.
         .log_internal_errors(false)
         .init();
+    if let Err(error) = enough_files() {
+        output::say(format!("error: {error}"));
+        return ExitCode::FAILURE;
+    }
     signals::survive_file_limit();
     let common = &cli.common;
     if !matches!(
@@ -221,6 +230,20 @@ pub fn run() -> ExitCode {
     }
 }
 
+/// Whether the program may open as many files as it takes to begin: listening to signals takes some, before anything can
+/// fail in an orderly way.
+fn enough_files() -> Result<()> {
+    const LEAST: u64 = 10;
+    let most = rustix::process::getrlimit(rustix::process::Resource::Nofile).current;
+    match most.filter(|most| *most < LEAST) {
+        Some(most) => anyhow::bail!(
+            "this program may have {most} files open, too few to begin with {LEAST}: raise the limit (`ulimit -n`, of a \
+             service `LimitNOFILE=`)"
+        ),
+        None => Ok(()),
+    }
+}
+
 /// An error with its causes, each once: most messages hold their cause's words already.
 fn told(error: &anyhow::Error) -> String {
     let mut text = error.to_string();
@@ -242,6 +265,7 @@ fn is_usage(error: &anyhow::Error) -> bool {
     error.chain().any(|cause| {
         cause.is::<Usage>()
             || cause.is::<ConfigError>()
+            || cause.is::<Doubt>()
             || cause.downcast_ref().is_some_and(session_usage)
             || cause.downcast_ref().is_some_and(mesh_usage)
             || cause.downcast_ref().is_some_and(contact_usage)
@@ -254,7 +278,8 @@ fn is_usage(error: &anyhow::Error) -> bool {
                     | DaemonError::NotFree { .. }
                     | DaemonError::OneSession { .. }
                     | DaemonError::MergedAlready { .. }
-                    | DaemonError::Pipeline(PipelineError::Setting { .. }),
+                    | DaemonError::Doubt(_)
+                    | DaemonError::Pipeline(PipelineError::Setting { .. } | PipelineError::Doubt(_)),
                 ) => true,
                 Some(DaemonError::Scale(e)) => {
                     matches!(e, ScaleError::Length { .. } | ScaleError::TooNear { .. })
@@ -276,7 +301,7 @@ fn mesh_usage(error: &MeshError) -> bool {
 }
 
 fn contact_usage(error: &ContactError) -> bool {
-    matches!(error, ContactError::Setting { .. } | ContactError::Unstable { .. })
+    matches!(error, ContactError::Setting { .. } | ContactError::Unstable { .. } | ContactError::Doubt(_))
 }
 
 /// Marks an error as one of usage.

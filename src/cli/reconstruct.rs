@@ -75,6 +75,7 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         &folder,
         arguments.mesh.settings().as_ref(),
         !arguments.no_pictures,
+        common.as_given,
         &progress.watcher(),
     );
     progress.finish();

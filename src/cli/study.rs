@@ -1,10 +1,11 @@
 //! `grainrig study`.
 
-use super::mesh::Unit;
+use super::mesh::{Unit, body_doubt};
 use super::output::{print, print_json};
 use super::{Common, help, progress, usage};
 use crate::export::stl;
 use crate::geometry::TriangleMesh;
+use crate::plausible::{self, Doubt};
 use crate::session::write_whole;
 use crate::study::{Body, Row, Study, StudyError, curves, sensitivity, shapes, silhouettes, table};
 use anyhow::{Context as _, Result};
@@ -58,11 +59,14 @@ const DRAWN: [usize; 3] = [2, 6, 30];
 struct Told<'a> {
     rows: &'a [Row],
     files: Vec<String>,
+    warnings: Vec<String>,
 }
 
 pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let What::Sensitivity(a) = &arguments.what;
     let studies = studies(a)?;
+    let doubts = studies.iter().flat_map(|study| doubts(study, a.unit)).collect();
+    let warnings = plausible::settle(doubts, common.as_given)?;
     let views: Vec<usize> = if a.views.is_empty() { (2..=30).collect() } else { a.views.clone() };
     let drawn: &[usize] = if a.views.is_empty() { &DRAWN } else { &views[..views.len().min(6)] };
     std::fs::create_dir_all(&a.out).with_context(|| format!("cannot make the folder {}", a.out.display()))?;
@@ -89,7 +93,7 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let csv = table(&rows);
     files.push(write(&a.out, "sensitivity.csv", csv.as_bytes())?);
     if common.json {
-        return print_json(&Told { rows: &rows, files });
+        return print_json(&Told { rows: &rows, files, warnings });
     }
     let mut text = format!(
         "V_R/V_M, real over reconstructed volume\n{:<16} {:>5} {:>8}  {:>8} {:>8} {:>11} {:>9} {:>9}\n",
@@ -111,10 +115,20 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
             r.analytic.map_or_else(String::new, |a| format!("{a:.4}"))
         );
     }
-    for file in files {
-        let _ = writeln!(text, "{file}");
+    for line in files.into_iter().chain(warnings.into_iter().map(|w| format!("note: {w}"))) {
+        let _ = writeln!(text, "{line}");
     }
     print(&text)
+}
+
+/// What of a study's figures no laboratory has.
+fn doubts(study: &Study, unit: Unit) -> Vec<Doubt> {
+    let longest_mm = match &study.body {
+        Body::Ball(d) => *d,
+        Body::Surface(s) => s.bounds().map_or(0.0, |b| b.size().max()),
+    };
+    let pixel = plausible::share_of("pixel_mm", longest_mm, [1e-5, 0.5]);
+    body_doubt(longest_mm, unit).into_iter().chain(pixel.doubt(study.pixel_mm)).collect()
 }
 
 fn studies(a: &SensitivityArguments) -> Result<Vec<Study>> {
@@ -124,8 +138,7 @@ fn studies(a: &SensitivityArguments) -> Result<Vec<Study>> {
             .map(|d| Study { name: format!("ball {d} mm"), body: Body::Ball(d), pixel_mm })
             .into());
     };
-    let bytes =
-        std::fs::read(path).with_context(|| format!("cannot read {}; check the path", path.display()))?;
+    let bytes = crate::system::read(path)?;
     let mut surface: TriangleMesh = stl::read(&bytes).with_context(|| path.display().to_string())?;
     surface.check().with_context(|| path.display().to_string())?;
     surface.vertices.iter_mut().for_each(|p| p.coords *= a.unit.in_mm());

@@ -9,8 +9,8 @@ use std::collections::HashMap;
 
 /// Tetrahedra of a chunk: its nodes' places and forces (about 15 kB) stay in a core's nearest cache.
 const CHUNK: usize = 1024;
-/// The least and the most that a grain may be long, mm: a pebble in metres is shorter, one in micrometres longer.
-const SIZE_MM: [f64; 2] = [0.02, 100.0];
+/// The least and the most that a body may be long, mm: beyond them no figure that follows is worth anything.
+const SIZE_MM: [f64; 2] = [1e-6, 1e6];
 /// Share of the critical damping of an element's highest mode that bulk viscosity gives (Abaqus' and LS-DYNA's b₁).
 pub(super) const BULK_VISCOSITY: f64 = 0.06;
 

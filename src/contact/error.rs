@@ -5,6 +5,9 @@ use crate::mesh::TetFault;
 /// Why a grain cannot be compressed, or no further.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ContactError {
+    /// A figure that looks like a slip of unit.
+    #[error(transparent)]
+    Doubt(#[from] crate::plausible::Doubt),
     /// A setting outside its limits.
     #[error("{name} = {value}{gap}{unit}: it must be {limit}; {remedy}", gap = if unit.is_empty() { "" } else { " " })]
     Setting {
@@ -37,7 +40,7 @@ pub enum ContactError {
     },
     /// A body whose size is no grain's.
     #[error(
-        "the body is {size_mm:.3e} mm long, which is no grain's size ({least} to {most} mm): the file's numbers seem to be \
+        "the body is {size_mm:.3e} mm long, which is no grain's size ({least:e} to {most:e} mm): the file's numbers seem to be \
          {guess}; scale them to mm"
     )]
     Size {

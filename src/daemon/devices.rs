@@ -4,9 +4,11 @@ use crate::config::{CameraKind, Config, Release, RigKind, StageKind};
 use crate::geometry::Angle;
 use crate::rig::discovery::{Role, discover};
 use crate::rig::gphoto::{GphotoCamera, Launch};
-use crate::rig::simulated::{self, TruthHandle};
+use crate::rig::simulated::{self, Before, TruthHandle};
 use crate::rig::v4l::V4lCamera;
 use crate::rig::{Camera, RigError, RotationStage, controller, grbl};
+use crate::session::Recording;
+use crate::session::event::Happening;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -20,9 +22,34 @@ pub(super) struct Rig {
 
 /// Opens the rig that the configuration names.
 pub(super) fn open(config: &Config) -> Result<Rig, RigError> {
+    take_up(config, Before::default())
+}
+
+/// What a recorded session has had a rig do. An exposure leaves a picture, its refusal, or what the camera said instead.
+pub(super) fn before(recording: &Recording) -> Before {
+    let of_camera = |text: &str| text.contains("the simulated camera");
+    let mut before = Before::default();
+    for event in recording.events() {
+        match &event.what {
+            Happening::Moving { .. } => before.moves += 1,
+            Happening::Captured { .. } | Happening::Rejected { .. } => before.exposures += 1,
+            Happening::Suspended { cause: text, .. } | Happening::Failed { error: text }
+                if of_camera(text) =>
+            {
+                before.exposures += 1;
+            }
+            _ => {}
+        }
+    }
+    before
+}
+
+/// The same, of a session that is taken up after what it has had the rig do before: a simulated one's faults go on from
+/// there.
+pub(super) fn take_up(config: &Config, before: Before) -> Result<Rig, RigError> {
     match config.rig.kind {
         RigKind::Simulated => {
-            let (stage, camera, truth) = simulated::open(&config.simulated)?;
+            let (stage, camera, truth) = simulated::take_up(&config.simulated, before)?;
             Ok(Rig { stage: Box::new(stage), camera: Box::new(camera), truth: Some(truth) })
         }
         RigKind::Hardware => {
@@ -34,11 +61,11 @@ pub(super) fn open(config: &Config) -> Result<Rig, RigError> {
                     Box::new(stage)
                 }
                 StageKind::Grbl => Box::new(grbl::open(&config.grbl)?),
-                StageKind::Simulated => Box::new(simulated::open(&config.simulated)?.0),
+                StageKind::Simulated => Box::new(simulated::take_up(&config.simulated, before)?.0),
             };
             match config.rig.camera {
                 CameraKind::Simulated => {
-                    let (_, camera, truth) = simulated::open(&config.simulated)?;
+                    let (_, camera, truth) = simulated::take_up(&config.simulated, before)?;
                     let stage = Seen { stage, truth: truth.clone() };
                     Ok(Rig { stage: Box::new(stage), camera: Box::new(camera), truth: Some(truth) })
                 }

@@ -4,6 +4,7 @@ use super::recorded::{computation, compute, conclude};
 use super::{DaemonError, Finished, Watcher};
 use crate::config::Config;
 use crate::pipeline::{Cameras, LengthUnit, TurntableSettings};
+use crate::plausible;
 use crate::session::Store;
 use crate::session::import::{ImportRequest, scan};
 use std::path::Path;
@@ -37,10 +38,17 @@ pub fn import(
     watcher: &Watcher,
 ) -> Result<Finished, DaemonError> {
     config.check()?;
+    if let ImportGeometry::Turntable { table, .. } = geometry {
+        let doubts: Vec<_> = (table.doubts().into_iter())
+            .chain(plausible::VIEW_STEP.named("step_deg").doubt(request.step_deg))
+            .collect();
+        plausible::slips(&doubts, config.as_given)?;
+        table.check()?;
+        plausible::settle(doubts, config.as_given)?;
+    }
     let found = scan(request)?;
     let cameras = match geometry {
         ImportGeometry::Turntable { table, picture_px } => {
-            table.check()?;
             if let Some(calibrated) = picture_px.filter(|s| *s != found.size) {
                 return Err(DaemonError::OtherSize { calibrated, pictures: found.size });
             }

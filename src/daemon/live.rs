@@ -217,7 +217,7 @@ pub(super) fn take_up(folder: &Path, quality: Option<QualityMode>) -> Result<Tak
     let missing = recording.views().len() < manifest.plan.views.len();
     let rig = if missing {
         session.check_space(view_bytes(&config))?;
-        devices::open(&config)?
+        devices::take_up(&config, devices::before(recording))?
     } else {
         let (stage, camera) = play(recording.clone());
         devices::Rig { stage: Box::new(stage), camera: Box::new(camera), truth: None }

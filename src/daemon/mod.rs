@@ -111,8 +111,11 @@ pub enum DaemonError {
         /// Views in the plan.
         planned: usize,
     },
+    /// A figure that looks like a slip of unit.
+    #[error(transparent)]
+    Doubt(#[from] crate::plausible::Doubt),
     /// A product could not be written.
-    #[error("cannot write {}: {source}; check the disk's free space, then `grainrig reconstruct`", path.display())]
+    #[error("cannot write {}: {source}; {}; then `grainrig reconstruct`", path.display(), crate::system::remedy(source))]
     Write {
         /// The file.
         path: PathBuf,

@@ -66,7 +66,7 @@ pub(super) fn send_recorded(
 }
 
 /// Computes a session's hull and mesh again and writes the products, with another mesh if wanted, and without pictures
-/// where they are not.
+/// where they are not; `as_given` takes figures that look like slips of unit.
 ///
 /// # Errors
 /// [`DaemonError`]; the session's pictures are only read.
@@ -74,6 +74,7 @@ pub fn reconstruct(
     folder: &Path,
     mesh: Option<&MeshSettings>,
     pictures: bool,
+    as_given: bool,
     watcher: &Watcher,
 ) -> Result<Finished, DaemonError> {
     let mut session = Session::open(folder)?;
@@ -91,6 +92,7 @@ pub fn reconstruct(
     check_views(&recording)?;
     let (_, mut pipeline) = computation(&recording)?;
     pipeline.settings.report.pictures &= pictures;
+    pipeline.settings.as_given |= as_given;
     let mesh = mesh.map(|asked| asked.over(&pipeline.settings.mesh));
     if let Some(mesh) = &mesh {
         pipeline.settings.mesh = mesh.clone();
@@ -243,6 +245,8 @@ fn played(
         if let Some(mesh) = &before.mesh {
             pipeline.settings.mesh = mesh.clone();
         }
+        // Who made them has said that they are meant so; the result has what was doubtful.
+        pipeline.settings.as_given = true;
         // What was not drawn then would only differ.
         pipeline.settings.report.pictures = before.pictures;
     }

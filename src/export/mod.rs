@@ -13,6 +13,7 @@ mod numbers;
 pub mod ply;
 pub mod press_deck;
 pub mod pvd;
+mod resolution;
 pub mod stl;
 pub mod vtu;
 

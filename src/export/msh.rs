@@ -1,6 +1,6 @@
 //! Gmsh's mesh format 4.1 (`.msh`), as text: written with tetrahedra and surface triangles, read for its tetrahedra.
 
-use super::ExportError;
+use super::{ExportError, resolution};
 use crate::geometry::Point;
 use crate::mesh::{SecondOrder, TetMesh};
 use std::collections::HashMap;
@@ -188,6 +188,7 @@ pub(super) fn gathered(
         };
         nodes.push(*place);
     }
+    resolution::check(format, nodes.iter().copied(), false)?;
     let number = |tag: u64| used.binary_search(&tag).unwrap_or_default() as u32;
     Ok(TetMesh::new(nodes, tets.iter().map(|t| t.map(number)).collect()))
 }

@@ -1,7 +1,7 @@
 //! PLY (Stanford's polygon format): surfaces written in binary, read in binary or text.
 
-use super::ExportError;
 use super::numbers::Kind;
+use super::{ExportError, resolution};
 use crate::geometry::{Point, TriangleMesh};
 use std::io::Write;
 
@@ -75,12 +75,13 @@ impl Numbers<'_> {
 ///
 /// # Errors
 /// [`ExportError::Read`]: no PLY header, a coordinate that is not finite, a face that names a vertex that is not there,
-/// fewer bytes than announced, no triangle.
+/// fewer bytes than announced, no triangle; [`ExportError::Resolution`] for a body too far from the origin.
 pub fn read(bytes: &[u8]) -> Result<TriangleMesh, ExportError> {
     let (coding, elements, rest) = header(bytes)?;
     let mut numbers = Numbers { rest, coding };
     let mut mesh = TriangleMesh::default();
     let mut corners: Vec<u32> = Vec::new();
+    let mut single = false;
     for element in &elements {
         for i in 0..element.count {
             let mut xyz = [0.0; 3];
@@ -89,6 +90,7 @@ pub fn read(bytes: &[u8]) -> Result<TriangleMesh, ExportError> {
                     let value = numbers.next(p.kind)?;
                     if let Some(k) = ["x", "y", "z"].iter().position(|n| *n == p.name) {
                         xyz[k] = value;
+                        single |= coding != Coding::Text && p.kind == Kind::F32;
                     }
                     continue;
                 };
@@ -123,6 +125,7 @@ pub fn read(bytes: &[u8]) -> Result<TriangleMesh, ExportError> {
     if mesh.triangles.is_empty() {
         return Err(bad("it has no triangle".into()));
     }
+    resolution::check("PLY", mesh.vertices.iter().copied(), single)?;
     let n = mesh.vertices.len();
     if let Some(t) = mesh.triangles.iter().position(|t| t.iter().any(|v| *v as usize >= n)) {
         return Err(bad(format!("triangle {t} names a vertex beyond the {n} that there are")));

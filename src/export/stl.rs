@@ -1,6 +1,6 @@
 //! STL: triangles without shared vertices, in binary or text.
 
-use super::ExportError;
+use super::{ExportError, resolution};
 use crate::geometry::{Point, TriangleMesh};
 use std::collections::HashMap;
 use std::io::{Cursor, Write};
@@ -14,8 +14,8 @@ pub const TRIANGLE: usize = 50;
 /// in the header.
 ///
 /// # Errors
-/// [`ExportError::Io`], and [`ExportError::Unfit`] for a coordinate beyond single precision or too many triangles
-/// for the format's count.
+/// [`ExportError::Io`], [`ExportError::Resolution`] for a body too far from the origin, and [`ExportError::Unfit`] for a
+/// coordinate beyond single precision or too many triangles for the format's count.
 pub fn write(mesh: &TriangleMesh, out: impl Write) -> Result<(), ExportError> {
     write_from(mesh, "", out)
 }
@@ -27,6 +27,7 @@ pub fn write(mesh: &TriangleMesh, out: impl Write) -> Result<(), ExportError> {
 pub fn write_from(mesh: &TriangleMesh, source: &str, mut out: impl Write) -> Result<(), ExportError> {
     let count = u32::try_from(mesh.triangles.len())
         .map_err(|_| unfit(format!("{} triangles, more than 4294967295", mesh.triangles.len())))?;
+    resolution::check("STL", mesh.vertices.iter().copied(), true)?;
     let mut header = [b' '; 80];
     let title = b"grainrig binary STL, unit mm";
     let said = source.chars().map(|c| if c == ' ' || c.is_ascii_graphic() { c as u8 } else { b'?' });
@@ -64,7 +65,8 @@ fn unfit(what: String) -> ExportError {
 ///
 /// # Errors
 /// [`ExportError::Stl`] where the bytes are not STL: too short for the triangles they announce, text that does not
-/// parse, no triangle, a coordinate that is not finite, or a triangle of no extent.
+/// parse, no triangle, a coordinate that is not finite, or a triangle of no extent; [`ExportError::Resolution`] for a body
+/// too far from the origin.
 pub fn read(bytes: &[u8]) -> Result<TriangleMesh, ExportError> {
     let bad = |what: String| Err(ExportError::Stl(what));
     if let Some(count) = announced(bytes, bytes.len() as u64) {
@@ -79,6 +81,7 @@ pub fn read(bytes: &[u8]) -> Result<TriangleMesh, ExportError> {
     let mut cursor = Cursor::new(bytes);
     let reader = stl_io::create_stl_reader(&mut cursor).map_err(|e| ExportError::Stl(e.to_string()))?;
     let mut mesh = TriangleMesh::default();
+    let mut flat = None;
     let mut numbers: HashMap<[u32; 3], u32> = HashMap::new();
     for (i, triangle) in reader.enumerate() {
         let triangle = triangle.map_err(|e| ExportError::Stl(format!("triangle {i}: {e}")))?;
@@ -97,12 +100,17 @@ pub fn read(bytes: &[u8]) -> Result<TriangleMesh, ExportError> {
         }
         let [a, b, c] = corners;
         if a == b || b == c || c == a {
-            return bad(format!("triangle {i} has two equal corners"));
+            flat.get_or_insert(i);
         }
         mesh.triangles.push(corners);
     }
     if mesh.triangles.is_empty() {
         return bad("it has no triangle".to_owned());
+    }
+    // First, since it is what makes corners fall together.
+    resolution::check("STL", mesh.vertices.iter().copied(), true)?;
+    if let Some(i) = flat {
+        return bad(format!("triangle {i} has two equal corners"));
     }
     Ok(mesh)
 }

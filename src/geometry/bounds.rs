@@ -28,6 +28,10 @@ impl Aabb {
     pub fn size(&self) -> Vector {
         self.max - self.min
     }
+    /// The greatest coordinate of any of its places, whatever its sign, mm.
+    pub fn farthest(&self) -> f64 {
+        self.min.coords.amax().max(self.max.coords.amax())
+    }
     /// The centre.
     pub fn center(&self) -> Point {
         nalgebra::center(&self.min, &self.max)

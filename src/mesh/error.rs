@@ -43,6 +43,32 @@ pub enum MeshError {
         "the body's box measures {0:?} mm; each edge must be positive and finite, so check where the body comes from"
     )]
     Box([f64; 3]),
+    /// A body whose size is no body's.
+    #[error(
+        "the body is {longest_mm:.4e} mm long, it must be {least:e} to {most:e} mm; check the unit of its numbers (--unit), and \
+         scale it to a size that a body has"
+    )]
+    Extent {
+        /// The longest side of its box, mm.
+        longest_mm: f64,
+        /// The least that is taken, mm.
+        least: f64,
+        /// The most that is taken, mm.
+        most: f64,
+    },
+    /// A body too far away for numbers to describe it.
+    #[error(
+        "the body is {longest_mm:.4} mm long and lies up to {far_mm:.4e} mm from the origin, where coordinates are {step_mm:.1e} mm \
+         apart; move it to the origin before it is exported"
+    )]
+    Far {
+        /// The longest side of its box, mm.
+        longest_mm: f64,
+        /// Its greatest coordinate, mm.
+        far_mm: f64,
+        /// From one coordinate in double precision to the next there, mm.
+        step_mm: f64,
+    },
     /// No lattice point lies inside, or none that is not on the surface.
     #[error(
         "nothing of a lattice of {spacing_mm:.3e} mm lies inside the body: it is empty or thinner than that; \

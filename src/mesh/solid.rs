@@ -1,6 +1,6 @@
 //! A body from a closed surface of triangles, by its signed distance.
 
-use super::MeshError;
+use super::{MeshError, check_extent};
 use crate::geometry::{Aabb, ImplicitBody, Point, TriangleMesh, Vector};
 
 /// The most triangles of a surface: they take about 1.5 GB, and a micrometre on a grain of a millimetre.
@@ -49,11 +49,15 @@ impl Solid {
     /// From a surface that passes [`TriangleMesh::check`]. Takes O(n log n) for n triangles.
     ///
     /// # Errors
-    /// [`MeshError::Open`] with the fault, [`MeshError::Triangles`] for too many, [`MeshError::Flat`] without volume.
+    /// [`MeshError::Open`] with the fault, [`MeshError::Triangles`] for too many, [`MeshError::Flat`] without volume;
+    /// those of [`check_extent`].
     pub fn new(surface: TriangleMesh) -> Result<Self, MeshError> {
         let n = surface.triangles.len();
         if n > MOST_TRIANGLES {
             return Err(MeshError::Triangles { count: n, limit: MOST_TRIANGLES });
+        }
+        if surface.vertices.iter().all(|p| p.iter().all(|x| x.is_finite())) {
+            surface.bounds().as_ref().map_or(Ok(()), check_extent)?;
         }
         surface.check()?;
         // A sheet folded onto itself encloses nothing but rounding errors.

@@ -1,6 +1,6 @@
 //! A body from voxels.
 
-use super::MeshError;
+use super::{MeshError, check_extent};
 use crate::geometry::{Aabb, ImplicitBody, Point, Vector};
 use rayon::prelude::*;
 
@@ -25,7 +25,7 @@ impl Voxels {
     ///
     /// # Errors
     /// [`MeshError::Control`] for a pitch that is not a positive number, [`MeshError::Voxels`] where there are not as many
-    /// as the size says.
+    /// as the size says; those of [`check_extent`].
     pub fn new(origin: Point, pitch_mm: f64, size: [usize; 3], inside: &[bool]) -> Result<Self, MeshError> {
         if !(pitch_mm.is_finite() && pitch_mm > 0.0) {
             let (limit, remedy) = ("positive and finite", "give the edge of a voxel");
@@ -35,6 +35,8 @@ impl Voxels {
         if expected != Some(inside.len()) || inside.is_empty() {
             return Err(MeshError::Voxels { size, count: inside.len() });
         }
+        let edges = Vector::from(size.map(|n| n as f64)) * pitch_mm;
+        check_extent(&Aabb { min: origin, max: origin + edges })?;
         let mut filled: Vec<f32> = inside.iter().map(|b| f32::from(u8::from(*b))).collect();
         for (stride, along) in [1, size[0], size[0] * size[1]].into_iter().zip(size) {
             let before = filled.clone();

@@ -109,6 +109,9 @@ pub enum PipelineError {
         /// Views in the plan.
         expected: usize,
     },
+    /// A figure that looks like a slip of unit.
+    #[error(transparent)]
+    Doubt(#[from] crate::plausible::Doubt),
     /// A setting is outside its limits.
     #[error(
         "{name} is {value} {unit}, it must be {limit}; change it in the configuration or on the command line"

@@ -11,6 +11,7 @@ use crate::hull::estimate::{Known, estimate};
 use crate::hull::slices::{SliceError, SlicedHull};
 use crate::hull::{Cone, HullGrid, VisualHull, find_bounds, silhouette_iou};
 use crate::mesh::{Controls, TetMesh, mesh};
+use crate::plausible::{self, Doubt};
 use crate::report::{Sheet, Shot};
 use crate::session::event::{Happening, Role};
 use crate::silhouette::{Found, Silhouette, Stand, Traits, ViewQuality};
@@ -121,6 +122,30 @@ pub(super) fn provisional_camera(table: &TurntableSettings, view: &Taken) -> Tur
     }
 }
 
+/// What of the figures that were given, or that follow from them, no laboratory has.
+fn doubts(settings: &Settings, cameras: &Cameras, taken: &[Taken], longest_mm: f64) -> Vec<Doubt> {
+    let mut doubts = match cameras {
+        Cameras::Given { unit: LengthUnit::None, .. } => return Vec::new(),
+        Cameras::Given { .. } => Vec::new(),
+        Cameras::Turntable(table) => {
+            let grain: Vec<f64> =
+                taken.iter().filter(|t| t.role == Role::Grain).map(|t| t.angle.deg()).collect();
+            let step = grain.windows(2).map(|w| (w[1] - w[0]).abs()).fold(f64::INFINITY, f64::min);
+            table.doubts().into_iter().chain(plausible::VIEW_STEP.doubt(step)).collect()
+        }
+    };
+    doubts.extend(plausible::GRAIN.doubt(longest_mm).map(|doubt| match (cameras, doubt.factor()) {
+        (Cameras::Turntable(table), Some(factor)) => {
+            let [size, pixel, given] =
+                [factor * longest_mm, factor * table.mm_per_px, table.mm_per_px].map(plausible::figure);
+            doubt.where_change(format!("{size} mm, by mm_per_px = {pixel} instead of {given}"))
+        }
+        _ => doubt,
+    }));
+    doubts.extend(settings.mesh.doubts(longest_mm));
+    doubts
+}
+
 /// Hull and mesh from all views, in the order of their indices.
 pub(super) fn reconstruct(
     settings: &Settings,
@@ -149,6 +174,7 @@ pub(super) fn reconstruct(
         Cameras::Given { .. } => None,
     };
     let longest = bounds.size().max();
+    warnings.extend(plausible::settle(doubts(settings, cameras, taken, longest), settings.as_given)?);
     let by_default = scale_mm_per_px.unwrap_or(0.0).max(longest / MOST_DEFAULT_CELLS);
     let mut grid = HullGrid::new(&bounds, settings.hull.voxel_mm.unwrap_or(by_default))?;
     grid.carve_all(&cones, &mut |done| working("hull", done));

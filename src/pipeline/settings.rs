@@ -3,6 +3,7 @@
 use super::PipelineError;
 use crate::geometry::Projection;
 use crate::mesh::Controls;
+use crate::plausible::{self, Doubt, share_of, volume_share_of};
 use crate::silhouette;
 use serde::{Deserialize, Serialize};
 
@@ -10,6 +11,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
+    /// Whether figures that look like slips of unit are meant so.
+    pub as_given: bool,
     /// How the grain is told from pedestal and background.
     pub silhouette: silhouette::Settings,
     /// How finely the hull is measured.
@@ -72,6 +75,25 @@ impl MeshSettings {
             size_at_contact_mm: self.size_at_contact_mm.or(base.size_at_contact_mm),
             contact_depth_mm: self.contact_depth_mm.or(base.contact_depth_mm),
         }
+    }
+
+    /// What of these sizes no grain of about this length is meshed with, mm.
+    pub fn doubts(&self, body_mm: f64) -> Vec<Doubt> {
+        let lengths = [
+            ("surface_size_mm", self.surface_size_mm, [1.0 / 3000.0, 1.0]),
+            ("size_at_contact_mm", self.size_at_contact_mm, [1e-5, 1.0]),
+            ("distance_mm", self.distance_mm, [1e-7, 0.5]),
+            ("contact_depth_mm", self.contact_depth_mm, [1e-6, 1.0]),
+        ];
+        let of_body = || format!("the body is about {} mm long", plausible::figure(body_mm));
+        (lengths.into_iter())
+            .filter_map(|(name, value, share)| share_of(name, body_mm, share).doubt(value?))
+            .chain(
+                self.tet_volume_mm3
+                    .and_then(|v| volume_share_of("tet_volume_mm3", body_mm, [1.0 / 5000.0, 1.5]).doubt(v)),
+            )
+            .map(|d| d.so_that(of_body()))
+            .collect()
     }
 
     /// The controls for a body of this equivalent diameter.
@@ -153,6 +175,22 @@ impl Default for TurntableSettings {
 }
 
 impl TurntableSettings {
+    /// What of these figures no laboratory has.
+    pub fn doubts(&self) -> Vec<Doubt> {
+        const WIDE_PX: f64 = 200.0;
+        let wide_mm = plausible::figure(WIDE_PX * self.mm_per_px);
+        let sigma = share_of("mm_per_px_sigma", self.mm_per_px, [0.0, 0.1]);
+        let follows = format!("a grain {WIDE_PX} px wide would be {wide_mm} mm");
+        [
+            plausible::MM_PER_PX.doubt(self.mm_per_px).map(|d| d.so_that(follows)),
+            self.mm_per_px_sigma.and_then(|s| sigma.doubt(s)),
+            self.camera_distance_mm.and_then(|d| plausible::CAMERA_DISTANCE.doubt(d)),
+        ]
+        .into_iter()
+        .flatten()
+        .collect()
+    }
+
     /// Whether every number makes sense.
     ///
     /// # Errors

@@ -54,7 +54,7 @@ pub enum SessionError {
         free: u64,
     },
     /// The operating system refused.
-    #[error("cannot {action} {}: {source}; {}", path.display(), remedy(source))]
+    #[error("cannot {action} {}: {source}; {}", path.display(), crate::system::remedy(source))]
     Io {
         /// What was tried.
         action: &'static str,
@@ -277,39 +277,44 @@ impl SessionError {
         needed: u64,
     ) -> impl FnOnce(std::io::Error) -> Self + use<'a> {
         move |source| match source.kind() {
-            std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => Self::DiskFull {
-                path: path.to_owned(),
-                needed,
-                free: super::disk::free_bytes(path).unwrap_or(0),
-            },
+            // With bytes free it is something else that is used up: places for files.
+            std::io::ErrorKind::StorageFull
+                if super::disk::free_bytes(path).is_ok_and(|free| free <= needed.max(4096)) =>
+            {
+                let free = super::disk::free_bytes(path).unwrap_or(0);
+                Self::DiskFull { path: path.to_owned(), needed, free }
+            }
             _ => Self::Io { action, path: path.to_owned(), source },
         }
-    }
-}
-
-/// What to do about the system's refusal.
-fn remedy(reason: &std::io::Error) -> &'static str {
-    use std::io::ErrorKind;
-    match reason.kind() {
-        ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::IsADirectory => {
-            "check the path and that it is there"
-        }
-        ErrorKind::PermissionDenied => "give this account the right to read and write it",
-        ErrorKind::ReadOnlyFilesystem => "set a data folder (--data) that can be written",
-        ErrorKind::FileTooLarge => "raise the limit of a file's size (`ulimit -f`)",
-        ErrorKind::InvalidData => "it is no text: check which file it is",
-        _ => "check the disk and its connection",
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::{Error, ErrorKind};
+
+    fn told(reason: Error, needed: u64) -> String {
+        SessionError::io("write", Path::new("/tmp/x"), needed)(reason).to_string()
+    }
 
     #[test]
     fn a_full_disk_is_told_with_bytes_and_remedy() {
-        let full = std::io::Error::from(std::io::ErrorKind::StorageFull);
-        let text = SessionError::io("write", Path::new("/tmp/x"), 1234)(full).to_string();
-        assert!(text.contains("1234 bytes needed") && text.contains("delete old sessions"), "{text}");
+        // More than any disk has free.
+        let text = told(ErrorKind::StorageFull.into(), u64::MAX);
+        assert!(text.contains(&format!("{} bytes needed", u64::MAX)), "{text}");
+        assert!(text.contains("delete old sessions"), "{text}");
+    }
+
+    #[test]
+    fn a_disk_with_room_that_is_said_to_be_full_lacks_places_for_files() {
+        let text = told(ErrorKind::StorageFull.into(), 16);
+        assert!(text.contains("df -i") && text.contains("delete old sessions"), "{text}");
+    }
+
+    #[test]
+    fn too_many_open_files_are_no_matter_of_the_disk() {
+        let text = told(Error::from_raw_os_error(24), 16);
+        assert!(text.contains("ulimit -n") && !text.contains("check the disk"), "{text}");
     }
 }

@@ -7,11 +7,11 @@ use super::event::{Happening, Role};
 use super::manifest::{ArchivedFile, Manifest, Origin, Plan, PlannedView, required_bytes};
 use super::name::few;
 use super::open::read_named;
+use super::pattern::Pattern;
 use super::picture::{FILE_LIMIT, PictureFault, Size, decode_check};
 use super::{Session, SessionError, Store, cameras};
 use crate::geometry::{Angle, Projection};
 use crate::rig::{Encoding, Frame};
-use globset::GlobBuilder;
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
@@ -244,10 +244,7 @@ fn matching(
     pattern: &str,
     background: Option<&Path>,
 ) -> Result<Vec<(String, PathBuf)>, SessionError> {
-    let glob = GlobBuilder::new(pattern)
-        .build()
-        .map_err(|e| setting("pattern", &e, "write it as in `grain_*.png`"))?
-        .compile_matcher();
+    let glob = Pattern::new(pattern)?;
     let mut names: Vec<String> = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(SessionError::io("list", folder, 0))? {
         let entry = entry.map_err(SessionError::io("list", folder, 0))?;
@@ -259,7 +256,7 @@ fn matching(
         }
     }
     names.sort_by(|a, b| natural(a, b));
-    let (found, others): (Vec<_>, Vec<_>) = names.into_iter().partition(|n| glob.is_match(n));
+    let (found, others): (Vec<_>, Vec<_>) = names.into_iter().partition(|n| glob.matches(n));
     if found.is_empty() {
         let there = match others.len() {
             0 => "it has no files".to_owned(),

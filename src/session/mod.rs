@@ -24,6 +24,7 @@ pub mod journal;
 pub mod manifest;
 mod name;
 mod open;
+mod pattern;
 pub mod picture;
 mod products;
 mod recording;

@@ -105,3 +105,21 @@ fn a_run_that_will_not_fit_is_refused_before_it_begins() {
     let ran = ran.fails(1, &["no room for", "bytes needed", "bytes free", "delete old sessions"]);
     assert_eq!(ran.stdout, "", "the name is not taken");
 }
+
+#[test]
+fn too_many_open_files_are_named_as_that_with_their_remedy() {
+    let lab = Lab::new();
+    let mut at_work = 0;
+    for most in 4..=12 {
+        let name = format!("a{most}");
+        let program = lab.command(&["--config", "small.toml", "capture", &name]);
+        let mut shell = Command::new("sh");
+        shell.arg("-c").arg(format!("ulimit -n {most} && exec \"$0\" \"$@\""));
+        shell.arg(program.get_program()).args(program.get_args()).current_dir(lab.path("."));
+        let ran = Ran::from(&mut shell).fails(1, &["error: ", "ulimit -n"]);
+        assert!(!ran.stderr.contains("check the disk"), "at {most}: {}", ran.stderr);
+        at_work += usize::from(ran.stderr.contains("Too many open files (os error 24)"));
+    }
+    assert!(at_work > 0, "every limit was too low to begin");
+    lab.capture("a").succeeds();
+}

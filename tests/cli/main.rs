@@ -8,6 +8,8 @@ mod names;
 mod next;
 mod pictures;
 mod quality;
+mod rehearsal;
 mod sessions;
 mod settings;
 mod streams;
+mod units;

@@ -116,7 +116,9 @@ fn mesh_controls_that_cannot_be_kept_leave_the_products_as_they_are() {
     again("--surface-size-mm", "-1").fails(2, &["surface_size_mm is -1 mm"]);
     again("--facet-angle-deg", "60").fails(2, &["facet_angle_deg is 60", "30"]);
     again("--tet-volume-mm3", "0").fails(2, &["tet_volume_mm3 is 0 mm³"]);
-    again("--surface-size-mm", "1e-6").fails(2, &["tetrahedra, more than", "surface_size_mm"]);
+    again("--surface-size-mm", "1e-6").fails(2, &["surface_size_mm is 1e-6 mm", "--as-given"]);
+    lab.run(&["reconstruct", "a", "--surface-size-mm", "1e-6", "--as-given"])
+        .fails(2, &["tetrahedra, more than", "surface_size_mm"]);
     assert_eq!(lab.products("a"), before);
     lab.assert_sound("a");
 }
@@ -147,4 +149,21 @@ fn a_configuration_given_to_a_recorded_session_is_said_to_be_unused() {
     lab.capture("a").succeeds();
     let ran = lab.run(&["--config", "small.toml", "replay", "a"]).succeeds();
     assert!(ran.stderr.contains("small.toml is not used"), "{}", ran.stderr);
+}
+
+#[test]
+fn a_hostile_pattern_is_refused_in_one_line() {
+    let lab = Lab::new();
+    lab.photos("photos");
+    let import = |pattern: &str| lab.run(&["import", "photos", "--mm-per-px", "0.009", "--pattern", pattern]);
+    let nested = |n: usize| "{".repeat(n) + "a" + &"}".repeat(n);
+    import(&nested(250)).fails(2, &["pattern is 250 braces deep", "at most 10", "{jpg,png}"]);
+    import(&nested(60_000)).fails(2, &["pattern is 120001 bytes long", "at most 1000"]);
+    import("[z-a].jpg").fails(2, &["pattern is ", "grain_*.png"]);
+    import("{a,b").fails(2, &["pattern is ", "grain_*.png"]);
+    // Many ways to match, none of them by going back.
+    import(&("*a".repeat(300) + ".png")).fails(1, &["no file in photos matches"]);
+    let scale = ["calibrate", "scale", "photos", "--ball-diameter-mm", "1", "--out", "s.json", "--pattern"];
+    lab.run(&[&scale[..], &[&nested(250)]].concat()).fails(2, &["250 braces deep"]);
+    assert!(!lab.path("data").exists());
 }

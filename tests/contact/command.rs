@@ -197,11 +197,11 @@ fn what_cannot_be_compressed_is_refused_with_what_to_do() {
         (vec![ball, "-1"], 2, "--sphere-diameter-mm -1: it must be positive, in mm"),
         (
             vec![ball, "0.0008"],
-            1,
-            "e-4 mm long, which is no grain's size (0.02 to 100 mm): the file's numbers seem to be metres",
+            2,
+            "sphere_diameter_mm is 0.0008 mm; above 0.01 and below 100 mm is usual: did you mean 0.8 mm (it looks given in m)?",
         ),
-        (vec!["metres.stl"], 1, "metres.stl: the body is"),
-        (vec!["metres.stl"], 1, "seem to be metres; scale them to mm"),
+        (vec!["metres.stl"], 2, "metres.stl: the body's longest side is"),
+        (vec!["metres.stl"], 2, "did you mean 0.8 mm (it looks given in m)?"),
         (vec!["open.stl"], 1, "open.stl: the surface does not bound a solid: the edge from vertex"),
         (vec!["open.stl"], 1, "close it"),
         (

@@ -204,8 +204,8 @@ fn meshes_that_are_no_grain_are_refused_with_what_to_do() {
     let good = block([0.5, 0.5, 0.5], [1, 1, 1]);
     let told = |mesh: &TetMesh| Body::new(mesh, &elastic()).unwrap_err();
     let scaled = |by: f64| TetMesh::new(good.nodes.iter().map(|p| p * by).collect(), good.tets.clone());
-    assert!(told(&scaled(1e-3)).to_string().contains("metres"));
-    assert!(told(&scaled(1e3)).to_string().contains("micrometres"));
+    assert!(told(&scaled(1e-7)).to_string().contains("metres"));
+    assert!(told(&scaled(1e7)).to_string().contains("micrometres"));
     let mut inverted = good.clone();
     inverted.tets[2].swap(0, 1);
     assert!(told(&inverted).to_string().contains("tetrahedron 2"), "{}", told(&inverted));

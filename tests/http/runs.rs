@@ -318,3 +318,30 @@ fn settings_that_make_no_sense_are_refused_by_name_and_make_no_session() {
     assert!(message.contains("quartz") && message.contains("another name"), "{message}");
     assert_eq!(daemon.get("/status").1["state"], "complete");
 }
+
+#[test]
+fn slips_of_unit_are_refused_with_what_was_meant_unless_they_are_meant_so() {
+    let lab = Lab::new(SMALL);
+    let daemon = lab.serve();
+    let (code, said) = daemon.start("a", json!({ "optics": { "mm_per_px": 9.0 } }));
+    assert_eq!(code, 400, "{said}");
+    for part in ["did you mean 0.009 mm", "as_given"] {
+        assert!(said.to_string().contains(part), "{part}: {said}");
+    }
+    let meant = json!({ "as_given": true, "optics": { "mm_per_px_sigma": 0.003 } });
+    let mut stream = daemon.events(None);
+    assert_eq!(daemon.start("b", meant).0, 201);
+    stream.until("complete");
+    let (_, status) = daemon.get("/status");
+    let warnings = status["result"]["warnings"].to_string();
+    assert!(warnings.contains("taken as given: mm_per_px_sigma is 0.003 mm"), "{warnings}");
+    let press = |request: Value| daemon.post("/sessions/b/compressions", Some(&request));
+    for (request, meant) in [
+        (json!({ "young_mpa": 100.0 }), "did you mean 100000 MPa"),
+        (json!({ "density_t_mm3": 2650.0 }), "did you mean 2.65e-9"),
+        (json!({ "to_approach_mm": 10.0 }), "did you mean 0.01 mm"),
+    ] {
+        let (code, said) = press(request);
+        assert!(code == 400 && said.to_string().contains(meant), "{code} {said}");
+    }
+}

@@ -1,9 +1,11 @@
 //! What is asked of a compression, and the folder that is claimed for it.
 
+use super::body;
 use super::{
     CompressInput, CompressSettings, Compression, DaemonError, MESH, Placing, RESULT, RUN, TEXT_LIMIT,
 };
 use crate::contact::{ContactError, Loading, Material, Plates, SETTLED};
+use crate::plausible::{self, Doubt};
 use crate::session::{Held, LOCK, hold, read_inside, write_whole};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -59,6 +61,8 @@ pub struct CompressRequest {
     pub time_step_s: Option<f64>,
     /// The force at which the transition to a Hertzian response is read, N.
     pub transition_n: f64,
+    /// Take figures as they are that look like slips of unit; the result says so.
+    pub as_given: bool,
 }
 
 impl Default for CompressRequest {
@@ -82,11 +86,33 @@ impl Default for CompressRequest {
             mass_scaling: loading.mass_scaling,
             time_step_s: None,
             transition_n: 2.0,
+            as_given: false,
         }
     }
 }
 
 impl CompressRequest {
+    /// What of the figures no laboratory has, but for those that depend on the body.
+    fn doubts(&self) -> Vec<Doubt> {
+        let plastic = self.material == CompressMaterial::Plastic;
+        [
+            plausible::YOUNG.doubt(self.young_mpa),
+            plausible::POISSON.doubt(self.poisson),
+            plausible::DENSITY.doubt(self.density_t_mm3),
+            plausible::YIELD.doubt(self.yield_mpa).filter(|_| plastic),
+            plausible::HARDENING.doubt(self.hardening_mpa).filter(|_| plastic),
+            plausible::FRICTION.doubt(self.friction),
+            plausible::SPEED.doubt(self.speed),
+            plausible::TRANSITION.doubt(self.transition_n),
+            self.to_force_n.and_then(|f| plausible::FORCE.doubt(f)),
+            self.to_approach_mm.and_then(|d| plausible::APPROACH.doubt(d)),
+            self.time_step_s.and_then(|s| plausible::TIME_STEP.doubt(s)),
+        ]
+        .into_iter()
+        .flatten()
+        .collect()
+    }
+
     /// What is computed, but for what the body says.
     ///
     /// # Errors
@@ -97,6 +123,8 @@ impl CompressRequest {
             let fits = value.is_finite() && value > 0.0;
             if fits { Ok(()) } else { Err(ContactError::Setting { name, value, unit, limit, remedy }) }
         };
+        let doubts = self.doubts();
+        plausible::slips(&doubts, self.as_given)?;
         positive("speed", self.speed, "", "1 is usual")?;
         positive("transition_n", self.transition_n, "N", "2 N is usual")?;
         for (name, size) in [("size_mm", self.size_mm), ("size_at_contact_mm", self.size_at_contact_mm)] {
@@ -132,6 +160,7 @@ impl CompressRequest {
         material.check()?;
         // Any body will do to look at the friction.
         Plates { lower_mm: 0.0, upper_mm: 1.0, friction: self.friction }.check(0.0, 1.0)?;
+        let taken_as_given = plausible::settle(doubts, self.as_given)?;
         Ok(CompressSettings {
             source: String::new(),
             material,
@@ -142,6 +171,8 @@ impl CompressRequest {
             sphere_radius_mm: None,
             placed_deg: [0.0; 3],
             transition_n: self.transition_n,
+            as_given: self.as_given,
+            taken_as_given,
         })
     }
 
@@ -196,14 +227,16 @@ impl Claim {
     /// Claims a folder that is empty or does not exist, or in which the same was asked and has not come to its end.
     ///
     /// # Errors
-    /// [`DaemonError::NotFree`] for a folder with something else in it, [`DaemonError::Session`] where another process computes
+    /// [`DaemonError::Doubt`] for a body or sizes that look like slips of unit, [`DaemonError::NotFree`] for a folder with something else in it, [`DaemonError::Session`] where another process computes
     /// there or the disk fails.
     pub fn new(
         folder: &Path,
         input: CompressInput,
         placing: &Placing,
-        settings: CompressSettings,
+        mut settings: CompressSettings,
     ) -> Result<Self, DaemonError> {
+        let doubts = body::doubts(&input, placing, settings.loading.to_approach_mm);
+        settings.taken_as_given.extend(plausible::settle(doubts, settings.as_given)?);
         let wanted = Asked {
             input: input.name(),
             sha256: input.sha256(),

@@ -2,8 +2,9 @@
 
 use super::DaemonError;
 use crate::contact::rest;
-use crate::geometry::{Ball, ImplicitBody, Point, TriangleMesh, Vector};
+use crate::geometry::{Aabb, Ball, ImplicitBody, Point, TriangleMesh, Vector};
 use crate::mesh::{Controls, Solid, TetMesh, mesh};
+use crate::plausible::{self, Doubt, share_of};
 use crate::session::sha256_hex;
 use nalgebra::Rotation3;
 use serde::{Deserialize, Serialize};
@@ -69,6 +70,26 @@ pub(super) struct Placed {
     pub sphere_radius_mm: Option<f64>,
     /// About x, then y, then z, degrees, as [`Placing::rotate_deg`].
     pub turned_deg: [f64; 3],
+}
+
+/// What of a body's length, and of figures that have to do with it, no laboratory has.
+pub(super) fn doubts(input: &CompressInput, placing: &Placing, to_approach_mm: Option<f64>) -> Vec<Doubt> {
+    let longest = |points: &[Point]| Aabb::of(points.iter().copied()).map_or(0.0, |b| b.size().max());
+    let (body, long_mm) = match input {
+        CompressInput::Sphere(d) => (plausible::SPHERE, *d),
+        CompressInput::Surface(surface, _) => (plausible::GRAIN, longest(&surface.vertices)),
+        CompressInput::Mesh(mesh, _) => (plausible::GRAIN, longest(&mesh.nodes)),
+    };
+    let shares = [
+        ("size_mm", placing.size_mm, [1.0 / 3000.0, 1.0]),
+        ("size_at_contact_mm", placing.size_at_contact_mm, [1e-5, 1.0]),
+        ("to_approach_mm", to_approach_mm, [1e-7, 0.5]),
+    ];
+    let of_body = || format!("the body is {} mm long", plausible::figure(long_mm));
+    let of_shares = shares.into_iter().filter_map(|(name, value, share)| {
+        share_of(name, long_mm, share).doubt(value?).map(|d| d.so_that(of_body()))
+    });
+    body.doubt(long_mm).into_iter().chain(of_shares).collect()
 }
 
 /// `told` hears what is being done, and how much of that is done, 0 to 1.

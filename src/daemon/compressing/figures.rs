@@ -28,6 +28,12 @@ pub struct CompressSettings {
     pub placed_deg: [f64; 3],
     /// The force at which `δ_i` is read, N.
     pub transition_n: f64,
+    /// Whether figures that look like slips of unit are meant so.
+    #[serde(default)]
+    pub as_given: bool,
+    /// Which of them were taken so.
+    #[serde(default)]
+    pub taken_as_given: Vec<String>,
 }
 
 /// The figures of a compression.

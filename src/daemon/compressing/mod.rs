@@ -238,7 +238,7 @@ impl Compression {
         // A mesh's nodes may stand out of the sphere: then the plates carry it before they come to it.
         let over_two_plate_form = over_two_plate_form.filter(|x| x.is_finite());
         let energy = samples.last().map(|s| s.energy).unwrap_or_default();
-        let mut warnings = Vec::new();
+        let mut warnings = settings.taken_as_given.clone();
         warnings.extend(transition.and_then(|t| t.warning()));
         warnings.extend(quasi.and_then(|q| q.warning()));
         if quasi.is_some() && energy.balance_error().abs() > 0.01 {

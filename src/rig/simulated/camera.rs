@@ -50,9 +50,19 @@ fn spoiled(settings: &Settings, number: usize) -> Spoiled {
     }
 }
 
+/// A picture of half the width and height.
+fn halved(jpeg: &[u8]) -> Result<Vec<u8>, RigError> {
+    let trouble = |e: image::ImageError| RigError::Device(format!("the simulated camera's picture: {e}"));
+    let whole = image::load_from_memory(jpeg).map_err(trouble)?;
+    let half = whole.thumbnail_exact(whole.width() / 2, whole.height() / 2);
+    let mut out = std::io::Cursor::new(Vec::new());
+    half.write_to(&mut out, image::ImageFormat::Jpeg).map_err(trouble)?;
+    Ok(out.into_inner())
+}
+
 impl SimulatedCamera {
-    pub(super) fn new(scene: Arc<Scene>, shared: Arc<Mutex<Shared>>) -> Self {
-        Self { scene, shared, normal: Normal::new(), exposures: 0, last: Vec::new() }
+    pub(super) fn new(scene: Arc<Scene>, shared: Arc<Mutex<Shared>>, exposures: usize) -> Self {
+        Self { scene, shared, normal: Normal::new(), exposures, last: Vec::new() }
     }
 
     /// One strip of the picture, with noise.
@@ -129,23 +139,19 @@ impl Camera for SimulatedCamera {
         let faults = &settings.faults;
         let number = self.exposures;
         self.exposures += 1;
+        let slow_s = faults.camera_slow.filter(|s| s.at == number).map_or(0.0, |s| s.seconds);
         if settings.realtime {
-            std::thread::sleep(Duration::from_secs_f64(settings.exposure_s));
+            std::thread::sleep(Duration::from_secs_f64(settings.exposure_s + slow_s));
         }
         let wobble_px = self.scene.wobble_px(number, &self.normal);
         let slipped = faults.slip.filter(|s| number >= s.at).map_or(0.0, |s| s.deg);
         let mut shared = lock(&self.shared);
         let angle = shared.stage_angle + Angle::from_deg(slipped);
-        shared.time_s += settings.exposure_s;
+        shared.time_s += settings.exposure_s + slow_s;
         let time_s = shared.time_s;
         shared.exposures.push(Exposure { number, true_angle_deg: angle.deg(), wobble_px, time_s });
         drop(shared);
-        if faults.fail_capture_at == Some(number) {
-            return Err(RigError::Device(format!(
-                "the simulated camera failed at exposure {number} as [simulated.faults] fail_capture_at asks; \
-                 take the picture again"
-            )));
-        }
+        faults.camera_answers(number)?;
         let mut bytes = Vec::new();
         if faults.spoils(faults.repeated_frame_at, number) && !self.last.is_empty() {
             bytes.clone_from(&self.last);
@@ -158,6 +164,9 @@ impl Camera for SimulatedCamera {
             bytes = jpeg::encode(picture, settings.jpeg_quality, &exif, |n| {
                 self.strip(n, noise, &patch, spoiled.light)
             })?;
+        }
+        if faults.wrong_size_at == Some(number) {
+            bytes = halved(&bytes)?;
         }
         if faults.truncate_frame_at == Some(number) {
             bytes.truncate(bytes.len() / 3 * 2);

@@ -10,6 +10,7 @@
 
 mod camera;
 mod exif;
+mod faults;
 mod grain;
 mod jpeg;
 mod optics;
@@ -21,9 +22,10 @@ mod stage;
 mod truth;
 
 pub use camera::SimulatedCamera;
+pub use faults::{Before, Faults, Missed, Outage, Slip, Slow};
 pub use optics::Optics;
 pub use raster::Window;
-pub use settings::{Faults, Settings, Slip};
+pub use settings::Settings;
 pub use stage::SimulatedStage;
 pub use truth::{Coverage, Exposure, Truth, TruthHandle};
 
@@ -48,11 +50,22 @@ struct Shared {
 /// [`RigError::Device`] where a setting is outside its limits, the grain's STL cannot be read or is open, or
 /// the grain does not fit the picture.
 pub fn open(settings: &Settings) -> Result<(SimulatedStage, SimulatedCamera, TruthHandle), RigError> {
+    take_up(settings, Before::default())
+}
+
+/// The same rig as it is after what it has done before: its faults, noise and wobble go on from there.
+///
+/// # Errors
+/// As [`open`].
+pub fn take_up(
+    settings: &Settings,
+    before: Before,
+) -> Result<(SimulatedStage, SimulatedCamera, TruthHandle), RigError> {
     let scene = Arc::new(scene::Scene::new(settings)?);
     let shared = Arc::new(Mutex::new(Shared::default()));
     Ok((
-        SimulatedStage::new(settings, shared.clone()),
-        SimulatedCamera::new(scene.clone(), shared.clone()),
+        SimulatedStage::new(settings, shared.clone(), before.moves),
+        SimulatedCamera::new(scene.clone(), shared.clone(), before.exposures),
         TruthHandle::new(scene, shared),
     ))
 }

@@ -1,5 +1,6 @@
 //! What the simulated rig is made of: every length, error and disturbance, with the limits of each.
 
+use super::Faults;
 use crate::rig::RigError;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -72,51 +73,6 @@ pub struct Settings {
     pub realtime: bool,
     /// What goes wrong, and when.
     pub faults: Faults,
-}
-
-/// Faults of a run, each at one exposure or one move, counted from 0.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Faults {
-    /// The exposure whose file ends after two thirds of its bytes.
-    pub truncate_frame_at: Option<usize>,
-    /// The exposure that delivers a file of no bytes.
-    pub empty_frame_at: Option<usize>,
-    /// The exposure at which the camera answers with an error.
-    pub fail_capture_at: Option<usize>,
-    /// The exposure that is out of focus.
-    pub blurred_frame_at: Option<usize>,
-    /// The exposure during which the camera shakes, sideways and a little upwards.
-    pub shaken_frame_at: Option<usize>,
-    /// The exposure that gets twice the light.
-    pub overexposed_frame_at: Option<usize>,
-    /// The exposure that delivers the file of the one before it again.
-    pub repeated_frame_at: Option<usize>,
-    /// The exposure in which something hangs into the picture from above, down to the grain's middle.
-    pub obstructed_frame_at: Option<usize>,
-    /// Whether these five stay once they have come, instead of spoiling one exposure.
-    pub frame_faults_stay: bool,
-    /// The move in which the motor loses one full step; the next homing finds it again.
-    pub lost_step_at: Option<usize>,
-    /// The exposure before which the grain slips on its pedestal, for good.
-    pub slip: Option<Slip>,
-}
-
-impl Faults {
-    /// Whether a fault that comes at an exposure spoils the exposure of this number.
-    pub(super) fn spoils(&self, fault_at: Option<usize>, number: usize) -> bool {
-        fault_at.is_some_and(|at| at == number || self.frame_faults_stay && at < number)
-    }
-}
-
-/// A grain that turns on its pedestal.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Slip {
-    /// The first exposure that sees the grain turned.
-    pub at: usize,
-    /// How far it has turned, degrees, counter-clockwise seen from above.
-    pub deg: f64,
 }
 
 impl Default for Settings {
@@ -217,6 +173,16 @@ impl Settings {
         if let Some(slip) = self.faults.slip {
             within("faults.slip.deg", slip.deg, "°", -360.0, 360.0)?;
         }
+        if let Some(missed) = self.faults.missed_angle {
+            within("faults.missed_angle.deg", missed.deg, "°", -360.0, 360.0)?;
+        }
+        if let Some(slow) = self.faults.camera_slow {
+            within("faults.camera_slow.seconds", slow.seconds, " s", 0.0, 600.0)?;
+        }
+        for (key, outage) in self.faults.outages() {
+            within(key, outage.tries as f64, " tries", 1.0, 1e6)?;
+        }
+        within("faults.suspend_s", self.faults.suspend_s, " s", 0.1, 3600.0)?;
         if self.grain_stl.is_some() && self.sphere_diameter_mm.is_some() {
             return Err(RigError::fault(
                 "the simulated rig has both grain_stl and sphere_diameter_mm, it photographs one body",

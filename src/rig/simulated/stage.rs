@@ -27,13 +27,13 @@ pub(super) fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
 }
 
 impl SimulatedStage {
-    pub(super) fn new(settings: &Settings, shared: Arc<Mutex<Shared>>) -> Self {
+    pub(super) fn new(settings: &Settings, shared: Arc<Mutex<Shared>>, moves: usize) -> Self {
         let key = random::key(settings.seed, Purpose::Steps);
         // Homing defines angle 0, so the error of the step it stops at is zero.
         let errors_steps = (0..u64::from(settings.steps_per_turn))
             .map(|k| if k == 0 { 0.0 } else { settings.step_error * (2.0 * random::uniform(key, k) - 1.0) })
             .collect();
-        Self { settings: settings.clone(), shared, errors_steps, position: 0, lost: 0, moves: 0 }
+        Self { settings: settings.clone(), shared, errors_steps, position: 0, lost: 0, moves }
     }
 
     fn microsteps_per_turn(&self) -> f64 {
@@ -92,10 +92,15 @@ impl RotationStage for SimulatedStage {
         if !(low..=high).contains(&target) {
             return Err(RigError::OutOfLimits { asked: target, low, high });
         }
-        if self.settings.faults.lost_step_at == Some(self.moves) {
+        let number = self.moves;
+        self.moves += 1;
+        let faults = &self.settings.faults;
+        faults.stage_answers(number)?;
+        if faults.lost_step_at == Some(number) {
             self.lost += i64::from(self.settings.microsteps);
         }
-        self.moves += 1;
+        let missed = faults.missed_angle.filter(|m| m.at == number);
+        let target = target + Angle::from_deg(missed.map_or(0.0, |m| m.deg));
         let position = (target.rad() / std::f64::consts::TAU * self.microsteps_per_turn()).round();
         Ok(self.go(position as i64))
     }
@@ -118,7 +123,7 @@ mod tests {
 
     fn stage(settings: &Settings) -> (SimulatedStage, Arc<Mutex<Shared>>) {
         let shared = Arc::new(Mutex::new(Shared::default()));
-        (SimulatedStage::new(settings, shared.clone()), shared)
+        (SimulatedStage::new(settings, shared.clone(), 0), shared)
     }
 
     #[test]
