@@ -25,6 +25,10 @@ const MODEST_RECIPROCAL: f64 = 2.2;
 const OUTLINE_PX: f64 = 0.08;
 /// Widest gap between views over which slips can be told, degrees.
 const WIDEST_GAP_DEG: f64 = 20.0;
+/// Where the pictures speak against the sense of rotation by so many standard uncertainties, this is said. That parallel
+/// views cannot tell it is no news: it is configured, `rotation.how` says that it was taken from there, and a mirrored
+/// grain has the same volume, size, mesh and compression.
+const DOUBTED_SIGMAS: f64 = 2.5;
 /// A view's shift beyond this many times what is usual is worth a word.
 const FAR_SIGMAS: f64 = 4.0;
 
@@ -198,9 +202,10 @@ impl Worked {
                  the opposite: the pictures are believed; mend `clockwise` (or --rotation)",
                 if counter_clockwise { "counter-clockwise" } else { "clockwise" }
             ));
-        } else if !self.sense_seen {
+        } else if self.reciprocal.0 < -DOUBTED_SIGMAS * self.reciprocal.1 {
             warnings.push(
-                "parallel views cannot tell the sense of rotation (the mirror image fits as well): it is taken as configured"
+                "the pictures rather show the other sense of rotation than the configured one, but not surely, so that the \
+                 grain may be mirrored: check `clockwise` (or --rotation)"
                     .into(),
             );
         }

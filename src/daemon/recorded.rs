@@ -44,6 +44,7 @@ pub(super) fn computation(recording: &Recording) -> Result<(Config, Pipeline), D
         cameras,
         background,
         views: manifest.plan.views.len(),
+        full_step_deg: config.plan.step_deg,
         judges: config.acquire.quality != QualityMode::Off,
     };
     Ok((config, pipeline))

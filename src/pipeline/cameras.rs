@@ -7,9 +7,6 @@ use crate::calibrate::{self, Calibration, Known, SeenView, Upright, calibrate};
 use crate::geometry::Projection;
 use crate::silhouette::{Silhouette, Stand, Verdict};
 
-/// The motor of the rig: degrees in a full step.
-const FULL_STEP_DEG: f64 = 0.9;
-
 /// The cameras, and what was measured to get them.
 pub(super) struct Measured {
     /// A camera for each view, in their order.
@@ -23,6 +20,7 @@ pub(super) struct Measured {
 /// Each view's camera.
 pub(super) fn cameras_of(
     cameras: &Cameras,
+    full_step_deg: f64,
     taken: &[Taken],
     stand: Option<&Stand>,
     warnings: &mut Vec<String>,
@@ -62,7 +60,7 @@ pub(super) fn cameras_of(
             }),
         })
         .collect();
-    let (mut calibration, axis) = calibrate(&views, &known(table, origin_row_px))?;
+    let (mut calibration, axis) = calibrate(&views, &known(table, full_step_deg, origin_row_px))?;
     for (view, t) in calibration.views.iter_mut().zip(taken) {
         if let Some(quality) = &t.quality {
             view.verdict = view.verdict.max(quality.verdict);
@@ -80,7 +78,7 @@ pub(super) fn cameras_of(
     Ok(Measured { projections: calibration.cameras(), axis: Some(axis), calibration: Some(calibration) })
 }
 
-fn known(table: &TurntableSettings, origin_row_px: f64) -> Known {
+fn known(table: &TurntableSettings, full_step_deg: f64, origin_row_px: f64) -> Known {
     Known {
         mm_per_px: calibrate::Measured::given(table.mm_per_px, table.mm_per_px_sigma),
         origin_row_px,
@@ -88,7 +86,7 @@ fn known(table: &TurntableSettings, origin_row_px: f64) -> Known {
         axis_column_px: table.axis_column_px,
         roll_deg: table.roll_deg,
         clockwise: table.clockwise,
-        full_step_deg: FULL_STEP_DEG,
+        full_step_deg,
         refine: table.refine,
     }
 }

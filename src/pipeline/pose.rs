@@ -59,7 +59,7 @@ impl Pipeline {
         taken.sort_by_key(|t| t.index);
         let (stand, mut warnings) = stand::recut(&self.cameras, &mut taken)?;
         warnings.extend(compare(&self.cameras, &mut taken, observer));
-        let measured = cameras_of(&self.cameras, &taken, stand.as_ref(), &mut warnings)?;
+        let measured = cameras_of(&self.cameras, self.full_step_deg, &taken, stand.as_ref(), &mut warnings)?;
         let cut = stand.as_ref().map(|s| Cut {
             column_px: s.centre_column_px.value,
             row_px: s.top_row_px.value - mixed_px(s),

@@ -149,7 +149,7 @@ fn doubts(settings: &Settings, cameras: &Cameras, taken: &[Taken], longest_mm: f
 /// Hull and mesh from all views, in the order of their indices.
 pub(super) fn reconstruct(
     settings: &Settings,
-    cameras: &Cameras,
+    (cameras, full_step_deg): (&Cameras, f64),
     taken: &[Taken],
     (stand, mut warnings): (Option<Stand>, Vec<String>),
     observer: &Observer,
@@ -159,7 +159,7 @@ pub(super) fn reconstruct(
     working("calibrate", 0.0);
     let start = Instant::now();
     let Measured { projections, axis, calibration } =
-        cameras_of(cameras, taken, stand.as_ref(), &mut warnings)?;
+        cameras_of(cameras, full_step_deg, taken, stand.as_ref(), &mut warnings)?;
     let calibrate_s = start.elapsed().as_secs_f64();
 
     working("hull", 0.0);

@@ -108,6 +108,8 @@ pub struct Pipeline {
     pub background: Option<Photograph>,
     /// Views in the plan.
     pub views: usize,
+    /// A full step of the motor that turned the grain, degrees: what is lost with a step.
+    pub full_step_deg: f64,
     /// Whether the views' quality is judged.
     pub judges: bool,
 }
@@ -132,7 +134,8 @@ impl Pipeline {
         taken.sort_by_key(|t| t.index);
         let (stand, warnings) = stand::recut(&self.cameras, &mut taken)?;
         let told = compare(&self.cameras, &mut taken, observer);
-        let mut made = reconstruct(&self.settings, &self.cameras, &taken, (stand, warnings), observer)?;
+        let cameras = (&self.cameras, self.full_step_deg);
+        let mut made = reconstruct(&self.settings, cameras, &taken, (stand, warnings), observer)?;
         made.warnings.extend(told);
         Ok(made)
     }

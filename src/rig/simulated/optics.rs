@@ -8,8 +8,9 @@ use serde::{Deserialize, Serialize};
 
 /// The camera's true parameters.
 ///
-/// A place (x, y, z) of the table at stage angle a is turned to x' = x cos a − y sin a, y' = x sin a + y cos a
-/// and seen at u = x' s / `mm_per_px`, v = −z s / `mm_per_px`, where s = D / (D + y') (1 for a telecentric lens);
+/// A place (x, y, z) of the table at stage angle a is turned to x' = x cos a − y sin a, y' = x sin a + y cos a. A camera
+/// that looks up by e has it at the depth y" = y' cos e + z sin e and the height z" = z cos e − y' sin e
+/// and sees it at u = x' s / `mm_per_px`, v = −z" s / `mm_per_px`, where s = D / (D + y") (1 for a telecentric lens);
 /// then, with the roll r, at column `axis_column` + u cos r + v sin r + wobble, row `axis_row` − u sin r + v cos r.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Optics {
@@ -25,6 +26,8 @@ pub struct Optics {
     pub axis_row_px: f64,
     /// Roll r, radians.
     pub roll_rad: f64,
+    /// How far it looks up e, radians.
+    pub elevation_rad: f64,
     /// Radius of the pedestal, mm.
     pub pedestal_radius_mm: f64,
 }
@@ -48,6 +51,7 @@ impl Optics {
             axis_column_px: 0.5 * (w - 1.0) + settings.axis_offset_px,
             axis_row_px: 0.5 * (h - 1.0) + 0.5 * top / settings.mm_per_px,
             roll_rad: settings.roll_deg.to_radians(),
+            elevation_rad: settings.elevation_deg.to_radians(),
             pedestal_radius_mm: settings.pedestal_radius_mm,
         };
         let magnified = match settings.camera_distance_mm {
@@ -66,7 +70,8 @@ impl Optics {
         // The corners of the box swept by the turning body, with room for blur and wobble (the normal
         // deviates end at 3.7 standard deviations).
         let (sin, cos) = optics.roll_rad.sin_cos();
-        let room = 4.0 * (settings.blur_px + settings.wobble_px) + 1.0;
+        let tilted = reach * settings.elevation_deg.to_radians().abs() / settings.mm_per_px;
+        let room = 4.0 * (settings.blur_px + settings.wobble_px) + 1.0 + tilted;
         let scale = magnified / settings.mm_per_px;
         let inside = [(-reach, 0.0), (reach, 0.0), (-reach, top), (reach, top)].iter().all(|&(x, z)| {
             let (u, v) = (x * scale, -z * scale);
@@ -95,9 +100,11 @@ impl Optics {
         let (sin, cos) = angle.rad().sin_cos();
         let (roll_sin, roll_cos) = self.roll_rad.sin_cos();
         let u = RowVector4::new(cos, -sin, 0.0, 0.0) / self.mm_per_px;
-        let v = RowVector4::new(0.0, 0.0, -1.0, 0.0) / self.mm_per_px;
+        let (rise, along) = self.elevation_rad.sin_cos();
+        let v = RowVector4::new(sin * rise, cos * rise, -along, 0.0) / self.mm_per_px;
         let per_mm = self.distance_mm.map_or(0.0, |d| 1.0 / d);
-        let w = RowVector4::new(sin * per_mm, cos * per_mm, 0.0, 1.0);
+        let w = RowVector4::new(sin * along, cos * along, rise, 0.0) * per_mm
+            + RowVector4::new(0.0, 0.0, 0.0, 1.0);
         Projection::new(Matrix3x4::from_rows(&[
             w * (self.axis_column_px + wobble_px) + u * roll_cos + v * roll_sin,
             w * self.axis_row_px - u * roll_sin + v * roll_cos,
@@ -109,7 +116,8 @@ impl Optics {
     /// that it may be interpolated there); greater is nearer.
     pub(super) fn nearness(&self, angle: Angle, p: &Point) -> f64 {
         let (sin, cos) = angle.rad().sin_cos();
-        self.nearness_of(p.x * sin + p.y * cos)
+        let (rise, along) = self.elevation_rad.sin_cos();
+        self.nearness_of((p.x * sin + p.y * cos) * along + p.z * rise)
     }
 
     fn nearness_of(&self, y_turned: f64) -> f64 {
@@ -150,7 +158,34 @@ impl Optics {
         let middle = self.axis_column_px + wobble_px + (row - self.axis_row_px) * sin / cos;
         let half = self.pedestal_half_width_px() / cos;
         let [low, high] = self.below_top(row, wobble_px);
-        [low.max(middle - half), high.min(middle + half)]
+        let below = [low.max(middle - half), high.min(middle + half)];
+        let rim = self.rim_span(row, wobble_px);
+        match (below[0] < below[1], rim[0] < rim[1]) {
+            (true, true) => [below[0].min(rim[0]), below[1].max(rim[1])],
+            (false, true) => rim,
+            _ => below,
+        }
+    }
+
+    /// The columns of a picture row inside the ellipse as which a camera that looks up or down sees the pedestal's rim.
+    fn rim_span(&self, row: f64, wobble_px: f64) -> [f64; 2] {
+        let half = self.pedestal_half_width_px();
+        let flat = self.elevation_rad.sin().abs();
+        if flat == 0.0 {
+            return [1.0, 0.0];
+        }
+        let (sin, cos) = self.roll_rad.sin_cos();
+        // Along the row: u = k cos − dv sin, v = k sin + dv cos, with (u² + (v/flat)²) = half².
+        let dv = row - self.axis_row_px;
+        let (s, c) = (sin / flat, cos / flat);
+        let a = cos * cos + s * s;
+        let b = dv * (s * c - sin * cos);
+        let root = b * b - a * (dv * dv * (sin * sin + c * c) - half * half);
+        if root <= 0.0 {
+            return [1.0, 0.0];
+        }
+        let middle = self.axis_column_px + wobble_px - b / a;
+        [middle - root.sqrt() / a, middle + root.sqrt() / a]
     }
 
     /// The nearness of the pedestal's front where the picture's u is `u_px`, and the part of its outward
@@ -185,18 +220,39 @@ mod tests {
     fn the_projection_is_the_formula() {
         for distance in [None, Some(30.0)] {
             let s = Settings { camera_distance_mm: distance, ..small() };
+            let s = Settings { elevation_deg: 0.7, ..s };
             let o = Optics::before(&s, &grain::placed(&s).unwrap()).unwrap();
             let (a, wobble, p) = (Angle::from_deg(37.0), 0.4, Point::new(0.3, -0.2, 0.5));
             let (x, y) =
                 (p.x * a.rad().cos() - p.y * a.rad().sin(), p.x * a.rad().sin() + p.y * a.rad().cos());
-            let k = distance.map_or(1.0, |d| d / (d + y)) / s.mm_per_px;
-            let (u, v) = (x * k, -p.z * k);
+            let (se, ce) = 0.7f64.to_radians().sin_cos();
+            let (depth, up) = (y * ce + p.z * se, p.z * ce - y * se);
+            let k = distance.map_or(1.0, |d| d / (d + depth)) / s.mm_per_px;
+            let (u, v) = (x * k, -up * k);
             let (sr, cr) = 3f64.to_radians().sin_cos();
             let want = [o.axis_column_px + u * cr + v * sr + wobble, o.axis_row_px - u * sr + v * cr];
             let got = o.projection(a, wobble).project(&p).unwrap();
             assert!((got[0] - want[0]).hypot(got[1] - want[1]) < 1e-9, "{got:?} {want:?}");
             let back = o.unrolled(got, wobble);
             assert!((back[0] - u).hypot(back[1] - v) < 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_camera_that_looks_up_or_down_sees_the_rim_as_an_ellipse() {
+        let s = Settings { elevation_deg: -1.0, roll_deg: 2.0, ..small() };
+        let o = Optics::before(&s, &grain::placed(&s).unwrap()).unwrap();
+        let r = s.pedestal_radius_mm;
+        for k in 0..72 {
+            let turn = Angle::from_deg(5.0 * f64::from(k)).rad();
+            let at = Point::new(0.999 * r * turn.cos(), 0.999 * r * turn.sin(), 0.0);
+            let [column, row] = o.projection(Angle::default(), 0.3).project(&at).unwrap();
+            let [low, high] = o.pedestal_span(row, 0.3);
+            assert!((low..=high).contains(&column), "{turn}: {column} {low} {high}");
+            let beyond = Point::new(1.01 * at.x, 1.01 * at.y, 0.0);
+            let [column, row] = o.projection(Angle::default(), 0.3).project(&beyond).unwrap();
+            let [low, high] = o.rim_span(row, 0.3);
+            assert!(!(low..=high).contains(&column), "{turn}: {column} {low} {high}");
         }
     }
 

@@ -93,7 +93,10 @@ impl<'a> View<'a> {
     pub fn whole_window(&self, margin_px: f64) -> Window {
         let [mut low, mut high] = self.body_box();
         let bottom = self.optics.picture[1] as f64;
-        for row in [self.optics.axis_row_px, bottom] {
+        let rim = self.optics.axis_row_px
+            - self.optics.elevation_rad.sin().abs() * self.optics.pedestal_half_width_px();
+        low[1] = low[1].min(rim);
+        for row in [rim, bottom] {
             let half = self.optics.pedestal_half_width_px() / self.optics.roll_rad.cos();
             let lean = (row - self.optics.axis_row_px) * self.optics.roll_rad.tan();
             let middle = self.optics.axis_column_px + self.wobble_px + lean;
@@ -238,6 +241,11 @@ impl<'a> View<'a> {
                     if hit {
                         sum[0] += shade;
                         sum[1] += 1.0;
+                    } else if self.optics.elevation_rad != 0.0
+                        && let Some((_, facing)) = self.optics.pedestal_front(u)
+                    {
+                        sum[2] += (shades.pedestal)(facing);
+                        sum[3] += 1.0;
                     }
                     continue;
                 }

@@ -39,6 +39,8 @@ pub struct Settings {
     pub axis_offset_px: f64,
     /// The picture's roll: how far the projected axis leans, degrees (the top leans left where positive).
     pub roll_deg: f64,
+    /// How far the camera looks up: how far its middle ray rises going away, degrees.
+    pub elevation_deg: f64,
     /// Standard deviation of each view's own sideways shift (bearing run-out, vibration), pixels.
     pub wobble_px: f64,
     /// Standard deviation of the lens's Gaussian blur, pixels.
@@ -92,6 +94,7 @@ impl Default for Settings {
             camera_distance_mm: None,
             axis_offset_px: 6.3,
             roll_deg: 0.2,
+            elevation_deg: 0.0,
             wobble_px: 0.2,
             blur_px: 1.0,
             noise_sd: 2.0,
@@ -150,6 +153,8 @@ impl Settings {
         }
         within("axis_offset_px", self.axis_offset_px, " px", -65_500.0, 65_500.0)?;
         within("roll_deg", self.roll_deg, "°", -20.0, 20.0)?;
+        // The pedestal is drawn as an upright tube.
+        within("elevation_deg", self.elevation_deg, "°", -5.0, 5.0)?;
         within("wobble_px", self.wobble_px, " px", 0.0, 1000.0)?;
         within("blur_px", self.blur_px, " px", 0.0, 50.0)?;
         within("noise_sd", self.noise_sd, " grey levels", 0.0, 60.0)?;
