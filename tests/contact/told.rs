@@ -49,7 +49,10 @@ fn a_transition_that_may_not_be_the_last_is_not_a_bare_number() {
     let (text, _, whole) = compress(folder.path(), "whole", &sphere(&["--transition-n", "3"]));
     assert_eq!(whole["transition"]["settled"], true, "{}", whole["transition"]);
     assert_eq!(whole["settings"]["loading"]["to_force_n"], 12.0);
-    assert!(!text.contains("preliminary") && whole["warnings"].as_array().unwrap().is_empty(), "{text}");
+    assert!(
+        !text.contains("preliminary") && !whole["warnings"].to_string().contains("preliminary"),
+        "{text}"
+    );
     assert_eq!(whole["transition"]["first_crossing_mm"], whole["delta_i_mm"]);
 
     // No number has more digits than it means.
@@ -120,8 +123,8 @@ fn what_is_done_before_the_plates_move_is_told_as_it_is_done() {
         "reading the body",
         "meshing, 100 µm at the contacts",
         "finding the time step",
-        "tetrahedra",
-        "contacts",
+        "tetrahedra, ",
+        " N, ",
     ];
     assert!(order.map(at).is_sorted(), "{said}");
 }
@@ -131,7 +134,7 @@ fn the_stages_carry_the_stress_tensor_and_say_what_their_numbers_are() {
     let folder = TempDir::new().unwrap();
     compress(folder.path(), "s", &[&SPHERE[..], &["--to-force-n", "1"]].concat());
     let read = |name: &str| std::fs::read_to_string(folder.path().join("s").join(name)).unwrap();
-    let stage = read("stage_08.vtu");
+    let stage = read("stage_01.vtu");
     assert!(stage.contains("Name=\"cauchy_stress_mpa\" NumberOfComponents=\"6\" ComponentName0=\"XX\""));
     for part in ["lengths in mm, stresses in MPa, tension positive", "approach ", " µm, force ", " N, time "]
     {
