@@ -29,7 +29,9 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
             Some(State::Capturing) => "; a run captures it now",
             Some(State::Computing) => "; a run computes it now",
             _ if report.busy => "; it is in use now",
-            _ => "",
+            Some(State::Complete) => "",
+            // Lines that were taken off a journal's end look as if the run had been killed there.
+            _ => "; the session is not complete, `grainrig resume` goes on with it",
         };
         return print(&format!(
             "{}: every file has the recorded bytes ({} of {} views, {} products, {} journal lines){now}\n",
@@ -37,12 +39,7 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
             report.frames,
             report.planned,
             report.products,
-            report.records,
-            // Lines that were taken off a journal's end look as if the run had been killed there.
-            match report.state {
-                Some(State::Complete) => "",
-                _ => "; the session is not complete, `grainrig resume` goes on with it",
-            }
+            report.records
         ));
     }
     for fault in &report.faults {

@@ -160,7 +160,7 @@ pub fn resume(
         TakenUp::Run(begun) => begun.run(None, control, watcher).map(|done| Resumed::Done(Box::new(done))),
         TakenUp::Again { before, lost } => made_again(folder, before, lost, watcher),
         TakenUp::Merge(mesh) => {
-            let done = reconstruct(folder, mesh.as_ref(), false, watcher)?;
+            let done = reconstruct(folder, mesh.as_ref(), false, false, watcher)?;
             Ok(Resumed::Done(Box::new(done)))
         }
     }
@@ -239,7 +239,7 @@ fn made_again(
     } else {
         // Another version's bytes are not to be had back: a new set, whole.
         let pictures = before.as_ref().is_none_or(|b| b.pictures);
-        reconstruct(folder, before.and_then(|b| b.mesh).as_ref(), pictures, watcher)?
+        reconstruct(folder, before.and_then(|b| b.mesh).as_ref(), pictures, false, watcher)?
     };
     Ok(Resumed::MadeAgain { done: Box::new(done), lost })
 }

@@ -266,7 +266,9 @@ impl Fault {
             | Self::Longer { file, .. }
             | Self::Changed { file, .. }
             | Self::Extra { file } => file.starts_with(PRODUCTS),
-            Self::Manifest { .. } | Self::Journal { .. } | Self::Torn { .. } | Self::Unfinished { .. } => false,
+            Self::Manifest { .. } | Self::Journal { .. } | Self::Torn { .. } | Self::Unfinished { .. } => {
+                false
+            }
         }
     }
 }
