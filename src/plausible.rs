@@ -112,7 +112,8 @@ pub fn volume_share_of(name: &'static str, body_mm: f64, [low, high]: [f64; 2]) 
 /// A figure outside what any laboratory has.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Doubt {
-    quantity: Quantity,
+    // Boxed: errors hold doubts.
+    quantity: Box<Quantity>,
     value: f64,
     /// What follows from it, in words.
     follows: Option<String>,
@@ -126,7 +127,12 @@ impl Quantity {
     pub fn doubt(&self, value: f64) -> Option<Doubt> {
         let fits = self.low < value && value < self.high;
         let positive = value.is_finite() && value > 0.0;
-        (positive && !fits).then_some(Doubt { quantity: *self, value, follows: None, instead: None })
+        (positive && !fits).then_some(Doubt {
+            quantity: Box::new(*self),
+            value,
+            follows: None,
+            instead: None,
+        })
     }
 
     /// The same with a name of its own.
@@ -167,15 +173,16 @@ impl Doubt {
     fn told(&self) -> String {
         let q = &self.quantity;
         let gap = if q.unit.is_empty() || q.unit == "°" { "" } else { " " };
-        let mut text = format!("{} is {}{gap}{}; ", q.name, figure(self.value), q.unit);
-        if q.low > 0.0 {
-            text += &format!("above {} and ", figure(q.low));
-        }
-        text += &format!("below {}{gap}{} is usual", figure(q.high), q.unit);
-        if let Some(follows) = &self.follows {
-            text += &format!(" ({follows})");
-        }
-        text
+        let above = if q.low > 0.0 { format!("above {} and ", figure(q.low)) } else { String::new() };
+        let follows = self.follows.as_ref().map(|follows| format!(" ({follows})")).unwrap_or_default();
+        format!(
+            "{} is {}{gap}{}; {above}below {}{gap}{} is usual{follows}",
+            q.name,
+            figure(self.value),
+            q.unit,
+            figure(q.high),
+            q.unit
+        )
     }
 
     /// For a result: the figure was taken as it is.

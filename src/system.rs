@@ -13,12 +13,11 @@ pub fn remedy(reason: &Error) -> &'static str {
         ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::IsADirectory => ABSENT,
         ErrorKind::PermissionDenied => FORBIDDEN,
         ErrorKind::ReadOnlyFilesystem => READ_ONLY,
-        ErrorKind::StorageFull => FULL,
+        ErrorKind::StorageFull | ErrorKind::WriteZero => FULL,
         ErrorKind::QuotaExceeded => QUOTA,
         ErrorKind::FileTooLarge => TOO_LARGE,
         ErrorKind::InvalidData => "it is no text: check which file it is",
         ErrorKind::UnexpectedEof => "it is shorter than it should be: copy it again",
-        ErrorKind::WriteZero => FULL,
         _ => UNKNOWN,
     }
 }

@@ -60,7 +60,7 @@ pub struct Arguments {
     friction: f64,
     /// Stop at this force, N; by default, where no approach is given, at 10 N or four times --transition-n,
     /// whichever is more. From four times on it counts as known that the force does not fall below the
-    /// transition again; δ_i of a run that stops earlier is preliminary.
+    /// transition again; `δ_i` of a run that stops earlier is preliminary.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     to_force_n: Option<f64>,
     /// Stop at this approach of the plates, mm.
@@ -354,7 +354,8 @@ fn told(r: &CompressResult) -> String {
     match &r.transition {
         Some(t) => lines.push(format!("δ_i        at {} N: {}", r.settings.transition_n, transition_line(t))),
         None => {
-            lines.push(format!("δ_i        not known: the force does not pass {} N", r.settings.transition_n))
+            lines
+                .push(format!("δ_i        not known: the force does not pass {} N", r.settings.transition_n));
         }
     }
     if let Some(h) = &r.hertz {
@@ -366,7 +367,7 @@ fn told(r: &CompressResult) -> String {
     if let Some(ratio) = r.over_two_plate_form {
         lines.push(format!("form       {ratio:.4} of the two-plate form at the end"));
     }
-    if r.settings.placed_deg != [0.0; 3] {
+    if r.settings.placed_deg.iter().any(|angle| *angle != 0.0) {
         let [x, y, z] = r.settings.placed_deg;
         lines.push(format!("placed     --rotate-deg {x:.4} {y:.4} {z:.4}"));
     }

@@ -39,7 +39,7 @@ pub struct Transition {
 }
 
 impl Transition {
-    /// What a person should know of a δ_i that may not be the last.
+    /// What a person should know of a `δ_i` that may not be the last.
     pub fn warning(&self) -> Option<String> {
         (!self.settled).then(|| {
             format!(
@@ -299,7 +299,9 @@ mod tests {
         assert!(!fell.settled && fell.warning().unwrap().contains("preliminary"), "{fell:?}");
         let known = at(&[[0.0, 0.0], [0.02, 3.0], [0.03, 0.5], [0.05, 4.5], [0.06, 8.0]]).unwrap();
         assert!(
-            known.settled && known.warning().is_none() && known.delta_i_mm == fell.delta_i_mm,
+            known.settled
+                && known.warning().is_none()
+                && known.delta_i_mm.to_bits() == fell.delta_i_mm.to_bits(),
             "{known:?}"
         );
         let lost = at(&[[0.0, 0.0], [0.02, 9.0], [0.03, 0.5]]).unwrap();

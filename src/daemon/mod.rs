@@ -49,11 +49,11 @@ pub type Watcher = Arc<dyn Fn(&Event) + Send + Sync>;
 
 /// The first few faults, each with its remedy.
 fn told(faults: &[Fault]) -> String {
-    let mut text = faults.iter().take(3).map(ToString::to_string).collect::<Vec<_>>().join("; ");
+    let mut lines: Vec<String> = faults.iter().take(3).map(ToString::to_string).collect();
     if faults.len() > 3 {
-        text.push_str(&format!("; and {} more, which `grainrig verify` names", faults.len() - 3));
+        lines.push(format!("and {} more, which `grainrig verify` names", faults.len() - 3));
     }
-    text
+    lines.join("; ")
 }
 
 /// Why a job did not end with a result. What was captured stays.
@@ -223,7 +223,8 @@ pub enum DaemonError {
     },
     /// A scale from pictures of another size.
     #[error(
-        "the calibration was made with pictures of {} × {} px, these have {} × {} px: a scale holds for one camera          setting; calibrate with that setting, or give --mm-per-px",
+        "the calibration was made with pictures of {} × {} px, these have {} × {} px: a scale holds for one camera \
+         setting; calibrate with that setting, or give --mm-per-px",
         calibrated[0], calibrated[1], pictures[0], pictures[1]
     )]
     OtherSize {

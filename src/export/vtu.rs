@@ -138,7 +138,8 @@ fn array(
 ) -> std::io::Result<()> {
     let name = name.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;");
     let names: String = if components == TENSOR.len() {
-        TENSOR.iter().enumerate().map(|(k, n)| format!(" ComponentName{k}=\"{n}\"")).collect()
+        let named = TENSOR.iter().enumerate().map(|(k, n)| format!(" ComponentName{k}=\"{n}\""));
+        named.collect::<Vec<_>>().concat()
     } else {
         String::new()
     };

@@ -194,8 +194,9 @@ impl RigError {
                 "change the plan or limits_deg",
             ),
             Self::Device(text) => (text.clone(), None),
-            Self::Fault { cause, remedy } => told(cause.clone(), remedy),
-            Self::Suspended { cause, remedy, .. } => told(cause.clone(), remedy),
+            Self::Fault { cause, remedy } | Self::Suspended { cause, remedy, .. } => {
+                told(cause.clone(), remedy)
+            }
             Self::RecordingEnds(views) => {
                 told(format!("the recording ends after {views} views"), "the plan asks for more")
             }

@@ -47,7 +47,7 @@ impl EncodeError {
                 let dot = if field.is_empty() || field.starts_with('[') { "" } else { "." };
                 Self::NotFinite { field: format!("{part}{dot}{field}"), value }
             }
-            other => other,
+            other @ Self::Other(_) => other,
         }
     }
 }
@@ -283,6 +283,7 @@ impl ser::SerializeMap for Map {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde::Serialize;
     use std::collections::BTreeMap;
 
     #[derive(Serialize)]

@@ -12,6 +12,8 @@ const DEEPEST: usize = 10;
 #[derive(Debug, Clone)]
 pub(super) struct Pattern(GlobSet);
 
+const AS_IN: &str = "write it as in `grain_*.png` or `*.{jpg,png}`";
+
 impl Pattern {
     /// Compiles a pattern. Matching takes time in proportion to the name's length, whatever the pattern is.
     ///
@@ -20,7 +22,6 @@ impl Pattern {
     pub(super) fn new(text: &str) -> Result<Self, SessionError> {
         let refuse =
             |value: String, remedy: String| Err(SessionError::Setting { setting: "pattern", value, remedy });
-        const AS_IN: &str = "write it as in `grain_*.png` or `*.{jpg,png}`";
         if text.len() > MOST_BYTES {
             let remedy = format!("give at most {MOST_BYTES} bytes; {AS_IN}");
             return refuse(format!("{} bytes long", text.len()), remedy);

@@ -64,13 +64,13 @@ impl Summaries {
                 _ => None,
             };
             let before = known.remove(&name).filter(|(before, _)| Some(before) == state.as_ref());
-            let mut line = match before {
-                Some((_, line)) => line,
-                None => {
+            let mut line = before.map_or_else(
+                || {
                     read += 1;
                     summarise(&name, &folder)
-                }
-            };
+                },
+                |(_, line)| line,
+            );
             line.busy = Lock::is_held(&folder);
             if let Some(state) = state {
                 now.insert(name, (state, line.clone()));

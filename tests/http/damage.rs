@@ -116,14 +116,14 @@ fn damage(kind: u64, dice: &mut Dice, folder: &Path, outside: &Path) -> (String,
         11 => {
             let dropped = dice.below(lines.len());
             let kept = lines.iter().enumerate().filter(|(n, _)| *n != dropped);
-            fs::write(&journal, kept.map(|(_, line)| format!("{line}\n")).collect::<String>()).unwrap();
+            fs::write(&journal, kept.flat_map(|(_, line)| [line, "\n"]).collect::<String>()).unwrap();
             (format!("line {dropped} of {} dropped", lines.len()), dropped + 1 == lines.len())
         }
         12 => {
             let twice = dice.below(lines.len());
             let doubled =
                 lines.iter().enumerate().flat_map(|(n, line)| vec![*line; 1 + usize::from(n == twice)]);
-            fs::write(&journal, doubled.map(|line| format!("{line}\n")).collect::<String>()).unwrap();
+            fs::write(&journal, doubled.flat_map(|line| [line, "\n"]).collect::<String>()).unwrap();
             (format!("line {twice} twice"), false)
         }
         13 => {
@@ -151,9 +151,9 @@ fn damage(kind: u64, dice: &mut Dice, folder: &Path, outside: &Path) -> (String,
             fs::remove_file(&lock).unwrap();
             fs::write(outside.join("precious"), "precious").unwrap();
             if dice.below(2) == 0 {
-                pipe(&lock)
+                pipe(&lock);
             } else {
-                symlink(outside.join("precious"), &lock).unwrap()
+                symlink(outside.join("precious"), &lock).unwrap();
             }
             ("another lock".into(), false)
         }

@@ -56,7 +56,7 @@ pub struct Reading {
     pub delta_i_mm: Option<f64>,
     /// The approach at which it passes `transition_n` for the first time, mm: less than `delta_i_mm` where it fell again.
     pub first_crossing_mm: Option<f64>,
-    /// The force at which δ_i is read, N.
+    /// The force at which `δ_i` is read, N.
     pub transition_n: f64,
     /// What the machine showed before contact, N, in the file's own sign: the force's zero.
     pub zero_n: f64,
@@ -243,7 +243,7 @@ impl Experiment {
     /// look like noise, and no encoder has more).
     fn jitter_mm(&self) -> f64 {
         let bends = self.displacement_mm.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]);
-        (SIGMAS * spread(bends.collect()) / 6f64.sqrt()).clamp(1e-4, 2e-3)
+        (SIGMAS * spread(&bends.collect::<Vec<_>>()) / 6f64.sqrt()).clamp(1e-4, 2e-3)
     }
 }
 
@@ -275,7 +275,7 @@ fn before(force: &[f64], transition_n: f64) -> Option<Before> {
             .unwrap_or(0.0);
         let level: Vec<f64> = rest.iter().enumerate().map(|(i, f)| f - slope * i as f64).collect();
         let at_first = median(level.clone());
-        let around = spread(level).max(self::noise(rest));
+        let around = spread(&level).max(self::noise(rest));
         let threshold = (SIGMAS * around).max(1.5 * step(rest)).max(floor);
         let line = |i: usize| at_first + slope * i as f64;
         // No farther than twice the rows that the line rests on.
@@ -412,7 +412,7 @@ fn notes(r: &Reading, before: &Before, curve: &[CurvePoint]) -> Vec<String> {
 
 /// Standard deviation of the noise, N, whatever the slope: from second differences, which a straight line has none of.
 fn noise(force: &[f64]) -> f64 {
-    spread(force.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]).collect()) / 6f64.sqrt()
+    spread(&force.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]).collect::<Vec<_>>()) / 6f64.sqrt()
 }
 
 /// The smallest step between different values, N: what the instrument resolves.
@@ -431,8 +431,8 @@ fn slope(force: &[f64]) -> f64 {
 }
 
 /// The standard deviation by the median of the distances from the median: outliers do not move it.
-fn spread(values: Vec<f64>) -> f64 {
-    let middle = median(values.clone());
+fn spread(values: &[f64]) -> f64 {
+    let middle = median(values.to_vec());
     1.4826 * median(values.iter().map(|v| (v - middle).abs()).collect())
 }
 

@@ -43,7 +43,7 @@ pub struct CompressRequest {
     /// Coulomb's friction between plates and grain.
     pub friction: f64,
     /// Stop at this force, N; where neither force nor approach is given, at 10 N, or at four times `transition_n` where that is
-    /// more: below it, δ_i is preliminary.
+    /// more: below it, `δ_i` is preliminary.
     pub to_force_n: Option<f64>,
     /// Stop at this approach of the plates, mm.
     pub to_approach_mm: Option<f64>,

@@ -273,7 +273,7 @@ fn sheet(press: &Press, result: &CompressResult, others: &[OtherCurve]) -> Sheet
     Sheet { title: format!("Compression of {}", s.source), panels, figures, warnings }
 }
 
-/// δ_i as a person reads it: alone where it is known, else with what is not.
+/// `δ_i` as a person reads it: alone where it is known, else with what is not.
 pub fn transition_line(t: &Transition) -> String {
     let mut line = format!("{:.2} µm", 1e3 * t.delta_i_mm);
     if t.first_crossing_mm < t.delta_i_mm {

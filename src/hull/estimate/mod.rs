@@ -103,7 +103,9 @@ pub struct VolumeEstimate {
 pub enum NoEstimate {
     /// The signs of hollows are far beyond those of the hulls that the method was fitted to.
     #[error(
-        "the outlines and slices are those of a hull {percent:.0} % too large, and the method is known to {:.0} %: the grain          is flaky, hollow or in pieces, so its volume can't be told from outlines; the hull's is an upper bound. Weigh the          grain, or capture it with another side down and merge the two",
+        "the outlines and slices are those of a hull {percent:.0} % too large, and the method is known to {:.0} %: the grain \
+         is flaky, hollow or in pieces, so its volume can't be told from outlines; the hull's is an upper bound. Weigh the \
+         grain, or capture it with another side down and merge the two",
         100.0 * MOST_EXCESS
     )]
     TooHollow {
@@ -112,7 +114,8 @@ pub enum NoEstimate {
     },
     /// A figure that the estimate rests on is no number.
     #[error(
-        "{what} of the hull is {value}: nothing follows from it for the grain; look at the views' outlines, and give finer          voxels where the grain is only a few of them thick"
+        "{what} of the hull is {value}: nothing follows from it for the grain; look at the views' outlines, and give finer \
+         voxels where the grain is only a few of them thick"
     )]
     NotANumber {
         /// The figure.
