@@ -423,7 +423,7 @@ fn a_shift_that_leaves_enough_digits_changes_nothing_but_the_place() {
     ] {
         let kind = name.rsplit('.').next().unwrap();
         let (made, there) = figures(name, &moved(kind, 1.0, shift));
-        assert!((volume(&made) / volume(&own) - 1.0).abs() < share.max(2e-3), "{name}: {made}");
+        assert!((volume(&made) / volume(&own) - 1.0).abs() < f64::max(share, 2e-3), "{name}: {made}");
         assert!(
             (made["input_volume_mm3"].as_f64().unwrap() / own["input_volume_mm3"].as_f64().unwrap() - 1.0)
                 .abs()

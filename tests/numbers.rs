@@ -129,6 +129,7 @@ fn reconstructed(body: &[Ellipsoid], views: usize, levels: [f64; 2]) -> Result<s
         }),
         background: None,
         views: views + 1,
+        full_step_deg: 0.9,
         judges: true,
     };
     let (sender, receiver) = std::sync::mpsc::sync_channel(views + 1);

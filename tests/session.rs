@@ -320,7 +320,8 @@ fn a_killed_exchange_of_products_is_finished_or_undone_when_the_session_is_opene
     };
     // What a kill leaves: before the record, after it, after the exchange, and between the two renames of a file system
     // that can't exchange folders.
-    let cases: [(&[u8], &[(&str, &str)], &str); 5] = [
+    type Case<'a> = (&'a [u8], &'a [(&'a str, &'a str)], &'a str);
+    let cases: [Case; 5] = [
         (&before, &[("products", "old"), ("products.next", "new")], "old"),
         (&after, &[("products", "old"), ("products.next", "new")], "new"),
         (&after, &[("products", "new"), ("products.next", "old")], "new"),
