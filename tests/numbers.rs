@@ -8,8 +8,8 @@ mod kit;
 
 use grainrig::geometry::Angle;
 use grainrig::pipeline::{Cameras, Pipeline, Settings, TurntableSettings, View};
-use grainrig::session::event::{Happening, Role};
-use grainrig::session::{check_finite, to_json};
+use grainrig::session::event::{CapturedView, Happening, Role};
+use grainrig::session::{check_finite, sha256_hex, to_json};
 use kit::Lab;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
@@ -136,7 +136,18 @@ fn reconstructed(body: &[Ellipsoid], views: usize, levels: [f64; 2]) -> Result<s
     for index in 0..=views {
         let angle = Angle::from_deg(180.0 * index as f64 / views as f64);
         let role = if index == views { Role::Closing } else { Role::Grain };
-        sender.send(View { index, role, angle, bytes: shadow(body, angle, levels), cut_out: None }).unwrap();
+        let bytes = shadow(body, angle, levels);
+        let captured = CapturedView {
+            view: index,
+            role,
+            file: format!("view_{index:03}.png"),
+            bytes: bytes.len() as u64,
+            sha256: sha256_hex(&bytes),
+            commanded_deg: angle.deg(),
+            reached_deg: angle.deg(),
+            others: Vec::new(),
+        };
+        sender.send(View::recorded(&captured, bytes)).unwrap();
     }
     drop(sender);
     let wrong = Mutex::new(Vec::new());
