@@ -96,6 +96,7 @@ def main():
     parser.add_argument("--token", help="the daemon's token, where it has one")
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("."), help="folder for the results")
     parser.add_argument("--to-force-n", type=float, default=2.0, help="compress to this force, N")
+    parser.add_argument("--size-at-contact-mm", type=float, help="the same where the plates touch, mm")
     parser.add_argument("--size-mm", type=float, help="largest circumradius of a surface facet, mm")
     asked = parser.parse_args()
 
@@ -116,6 +117,8 @@ def main():
     figures = {"to_force_n": asked.to_force_n}
     if asked.size_mm:
         figures["size_mm"] = asked.size_mm
+    if asked.size_at_contact_mm:
+        figures["size_at_contact_mm"] = asked.size_at_contact_mm
     begun = rig.start_compression(id=name, body=figures)["name"]
     # `interrupted` is a compression that failed or was cancelled: nothing computes it any more.
     pressed = wait(lambda: rig.compression(id=name, name=begun), ("complete", "interrupted"))

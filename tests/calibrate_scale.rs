@@ -161,13 +161,22 @@ fn what_cannot_be_measured_is_told() {
     whole.crop_imm(350, 0, 350, 600).save(folder.join("cut.png")).unwrap();
 
     let scale = ["calibrate", "scale", "balls", "--out", "scale.json", "--ball-diameter-mm"];
-    let cases: [(&[&str], i32, &[&str]); 10] = [
+    let cases: [(&[&str], i32, &[&str]); 11] = [
         (&["1", "--pattern", "none*"], 1, &["no file in", "none*"]),
         (&["1", "--pattern", "grain.jpg"], 1, &["grain.jpg", "not round", "% is the limit"]),
         (&["1", "--pattern", "cut.png"], 1, &["cut.png", "left border"]),
         (&["0", "--pattern", "ball.jpg"], 2, &["diameter is 0 mm", "positive"]),
         (&["nan", "--pattern", "ball.jpg"], 2, &["diameter is NaN mm", "positive"]),
-        (&["1", "--pattern", "ball.jpg", "--ball-tolerance-mm", "0.6"], 2, &["tolerance is 0.6 mm"]),
+        (
+            &["1", "--pattern", "ball.jpg", "--ball-tolerance-mm", "0.6"],
+            2,
+            &["ball_tolerance_mm is 0.6 mm", "--as-given"],
+        ),
+        (
+            &["1", "--pattern", "ball.jpg", "--ball-tolerance-mm", "0.6", "--as-given"],
+            2,
+            &["tolerance is 0.6 mm"],
+        ),
         (
             &["1", "--pattern", "ball.jpg", "--camera-distance-mm", "1"],
             2,

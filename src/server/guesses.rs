@@ -73,7 +73,7 @@ mod tests {
         assert_eq!(guesses.spend_by(mine, start), Some(EACH.as_secs() + 1));
         assert_eq!(guesses.spend_by(other, start), None);
         // Being refused costs nothing, and in an hour there are no more than a burst and what has come back.
-        let taken = (0..36_000)
+        let taken = (1..=36_000)
             .filter(|tenth| guesses.spend_by(mine, start + Duration::from_millis(100 * tenth)).is_none());
         assert_eq!(taken.count() as u64, 3600 / EACH.as_secs());
     }

@@ -43,11 +43,11 @@ impl EncodeError {
     /// The same error, seen from what holds the part.
     fn within(self, part: &str) -> Self {
         match self {
-            Self::NotFinite { field, value } => {
+            Self::NotFinite { field, value } if !part.is_empty() => {
                 let dot = if field.is_empty() || field.starts_with('[') { "" } else { "." };
                 Self::NotFinite { field: format!("{part}{dot}{field}"), value }
             }
-            other @ Self::Other(_) => other,
+            other => other,
         }
     }
 }

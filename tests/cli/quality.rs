@@ -103,7 +103,7 @@ fn a_picture_that_stays_no_good_suspends_the_run_which_goes_on_once_it_is_mended
         ("obstructed", &["reaches the top border", "centre the grain"]),
     ];
     for (fault, parts) in faults {
-        let stays = format!("{fault}_frame_at = 5, frame_faults_stay = true");
+        let stays = format!("{fault}_frame_at = 5, frame_faults_last = 2");
         let ran = capture(&lab, fault, &stays, &[]);
         ran.fails(
             1,
@@ -114,7 +114,7 @@ fn a_picture_that_stays_no_good_suspends_the_run_which_goes_on_once_it_is_mended
         assert_eq!(refused(&lab, fault, 5).len(), 2, "{fault}");
         lab.assert_sound(fault);
         let before: Vec<_> = recording.views().map(|v| v.sha256.clone()).collect();
-        // The fault comes at the sixth exposure of a process: four views are left.
+        // Exposures are counted through the whole session: the fault has come and gone.
         lab.run(&["resume", fault]).succeeds();
         let after = lab.recording(fault);
         assert_eq!((after.state(), after.views().len()), (State::Complete, VIEWS), "{fault}");
@@ -127,8 +127,8 @@ fn a_picture_that_stays_no_good_suspends_the_run_which_goes_on_once_it_is_mended
 #[test]
 fn what_may_not_be_taken_again_is_kept_and_labelled_or_not_looked_at() {
     let lab = Lab::new();
-    // From the second exposure on, so that the resumed run meets it too.
-    let stays = "blurred_frame_at = 5, frame_faults_stay = true";
+    // Two tries, and the one of the resumed run.
+    let stays = "blurred_frame_at = 5, frame_faults_last = 3";
     capture(&lab, "a", stays, &[]).fails(1, &["view 5"]);
     lab.run(&["resume", "--quality", "label", "a"]).succeeds();
     assert_eq!(lab.recording("a").state(), State::Complete);

@@ -33,7 +33,6 @@ fn an_interrupted_session_is_not_computed_but_to_be_resumed() {
         lab.run(&[command, "a"]).fails(1, &["2 of 5 views are there", "resume the session"]);
     }
     assert_eq!(read(&lab.session("a").join("journal.jsonl")), journal, "the journal is left as it is");
-    lab.run(&["resume", "a"]).fails(1, &["view 4: "]);
     lab.run(&["resume", "a"]).succeeds();
     assert_eq!(lab.recording("a").state(), State::Complete);
     lab.assert_sound("a");

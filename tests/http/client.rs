@@ -70,7 +70,17 @@ fn a_client_made_from_the_description_captures_downloads_and_compresses() {
     let out = tempfile::tempdir().unwrap();
     let url = format!("http://{}", daemon.address);
     let mut command = Command::new("python3");
-    command.arg(CLIENT).args(["quartz", "--url", &url, "--size-mm", "0.15", "--to-force-n", "1"]);
+    command.arg(CLIENT).args([
+        "quartz",
+        "--url",
+        &url,
+        "--size-mm",
+        "0.15",
+        "--to-force-n",
+        "1",
+        "--size-at-contact-mm",
+        "0.1",
+    ]);
     let ran = command.arg("--out").arg(out.path()).output().unwrap();
     let said = String::from_utf8_lossy(&ran.stdout).into_owned() + &String::from_utf8_lossy(&ran.stderr);
     assert!(ran.status.success(), "{said}");

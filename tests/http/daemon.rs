@@ -3,7 +3,8 @@
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStderr, Command, ExitStatus, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 use serde_json::{Value, json};
@@ -76,14 +77,20 @@ impl Lab {
         }
         let (_, after) = line.split_once("http://").unwrap();
         let address = after.split('/').next().unwrap().parse().unwrap();
-        Daemon { child, said, address, token: None }
+        // Read as it comes: a daemon whose log is not read waits for its reader.
+        let said = std::thread::spawn(move || {
+            let mut all = String::new();
+            let _ = said.read_to_string(&mut all);
+            all
+        });
+        Daemon { child, said: Some(said), address, token: None }
     }
 }
 
 /// A running daemon; it is killed when dropped.
 pub struct Daemon {
     child: Child,
-    said: BufReader<ChildStderr>,
+    said: Option<JoinHandle<String>>,
     pub address: SocketAddr,
     pub token: Option<&'static str>,
 }
@@ -168,9 +175,8 @@ impl Daemon {
 
     /// Waits for the daemon's end: how it ended, and what it said.
     pub fn ended(&mut self) -> (ExitStatus, String) {
-        let mut said = String::new();
-        self.said.read_to_string(&mut said).unwrap();
-        (self.child.wait().unwrap(), said)
+        let status = self.child.wait().unwrap();
+        (status, self.said.take().map(|said| said.join().unwrap()).unwrap_or_default())
     }
 }
 

@@ -81,5 +81,5 @@ fn a_refused_picture_is_kept_beside_the_session_and_served() {
     std::fs::write(&elsewhere, &picture).unwrap();
     std::fs::remove_file(&file).unwrap();
     std::os::unix::fs::symlink(&elsewhere, &file).unwrap();
-    assert_eq!(daemon.get_bytes(address).0, 404);
+    assert_eq!(daemon.get_bytes(address).0, 500);
 }

@@ -2,10 +2,10 @@
 
 use super::asked::{asked, is_finished};
 use super::{CompressError, CompressSettings, MESH, Placing, RESULT, STATE, TEXT_LIMIT};
-use crate::session::{LOCK, Recording, check_name, open_inside, read_inside};
+use crate::session::{LOCK, Recording, SessionError, check_name, open_inside, read_inside};
 use serde::Serialize;
 use std::fs::File;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// How a compression stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -81,16 +81,24 @@ pub(super) fn details(
     name: &str,
     running: Option<&str>,
 ) -> Result<CompressDetails, CompressError> {
-    let folder = recording.compression_path(name)?;
+    let folder = place(recording, name)?;
     let line = line(&folder, name.to_owned(), running).ok_or(CompressError::Absent)?;
     let text = read_inside(&folder, RESULT, TEXT_LIMIT).ok();
     let result = text.and_then(|text| serde_json::from_slice(&text).ok());
     Ok(CompressDetails { line, result, files: files(&folder) })
 }
 
+/// The folder of a compression: a file or a link of its name is none.
+fn place(recording: &Recording, name: &str) -> Result<PathBuf, CompressError> {
+    match recording.compression_path(name) {
+        Err(SessionError::Irregular { .. }) => Err(CompressError::Absent),
+        other => Ok(other?),
+    }
+}
+
 /// Opens one of the files that the details list; the name is looked for there and nowhere else.
 pub(super) fn open(recording: &Recording, name: &str, file: &str) -> Result<File, CompressError> {
-    let folder = recording.compression_path(name)?;
+    let folder = place(recording, name)?;
     let listed = files(&folder).into_iter().find(|f| f.file == file).ok_or(CompressError::Absent)?;
     open_inside(&folder, &listed.file).map_err(|_| CompressError::Absent)
 }

@@ -105,7 +105,8 @@ fn the_same_again_goes_on_and_something_else_is_refused() {
     let other = request.settings().unwrap();
     let refused =
         Compression::begin(&folder, CompressInput::Sphere(0.8), &request.placing(), other, &mut |_, _| {});
-    assert!(refused.err().unwrap().to_string().contains("not an empty folder"));
+    let refused = refused.err().unwrap().to_string();
+    assert!(refused.contains("not an empty folder"), "{refused}");
     let mut again = begin(&folder);
     assert!(again.done() > 0.3);
     assert!(run(&mut again));
@@ -115,5 +116,6 @@ fn the_same_again_goes_on_and_something_else_is_refused() {
     let request = CompressRequest { size_at_contact_mm: Some(0.15), ..request };
     let (placing, settings) = (request.placing(), request.settings().unwrap());
     let refused = Compression::begin(&folder, CompressInput::Sphere(0.8), &placing, settings, &mut |_, _| {});
-    assert!(refused.err().unwrap().to_string().contains("not an empty folder"));
+    let refused = refused.err().unwrap().to_string();
+    assert!(refused.contains("not an empty folder"), "{refused}");
 }

@@ -27,7 +27,9 @@ pub struct Faults {
     pub repeated_frame_at: Option<usize>,
     /// The exposure in which something hangs into the picture from above, down to the grain's middle.
     pub obstructed_frame_at: Option<usize>,
-    /// Whether these five stay once they have come, instead of spoiling one exposure.
+    /// How many exposures each of these five spoils.
+    pub frame_faults_last: usize,
+    /// Whether they stay once they have come.
     pub frame_faults_stay: bool,
     /// The camera hangs: it does not answer.
     pub camera_hung: Option<Outage>,
@@ -65,6 +67,7 @@ impl Default for Faults {
             overexposed_frame_at: None,
             repeated_frame_at: None,
             obstructed_frame_at: None,
+            frame_faults_last: 1,
             frame_faults_stay: false,
             camera_hung: None,
             camera_gone: None,
@@ -144,7 +147,8 @@ pub struct Slip {
 impl Faults {
     /// Whether a fault that comes at an exposure spoils the exposure of this number.
     pub(super) fn spoils(&self, fault_at: Option<usize>, number: usize) -> bool {
-        fault_at.is_some_and(|at| at == number || self.frame_faults_stay && at < number)
+        let lasts = if self.frame_faults_stay { usize::MAX } else { self.frame_faults_last };
+        fault_at.is_some_and(|at| (at..at.saturating_add(lasts)).contains(&number))
     }
 
     /// The outages, with their keys.

@@ -187,6 +187,7 @@ impl Settings {
         for (key, outage) in self.faults.outages() {
             within(key, outage.tries as f64, " tries", 1.0, 1e6)?;
         }
+        within("faults.frame_faults_last", self.faults.frame_faults_last as f64, " exposures", 1.0, 1e6)?;
         within("faults.suspend_s", self.faults.suspend_s, " s", 0.1, 3600.0)?;
         if self.grain_stl.is_some() && self.sphere_diameter_mm.is_some() {
             return Err(RigError::fault(
