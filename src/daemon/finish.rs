@@ -4,7 +4,7 @@ use super::DaemonError;
 use crate::pipeline::MeshSettings;
 use crate::pipeline::{CONVERGENCE, PipelineError, Product, Reconstruction, ResultFile, SHEET, products};
 use crate::session::event::{Event, Happening, ProductRecord};
-use crate::session::{Recording, Session, sha256_hex, to_json};
+use crate::session::{Recording, Session, read_inside, sha256_hex, to_json};
 use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -115,8 +115,8 @@ pub(super) fn end(session: &mut Session) -> Result<(), DaemonError> {
     if !lacks_end(recording) || !recording.changed_products().is_empty() {
         return Ok(());
     }
-    let path = recording.product_path(RESULT)?;
-    let text = std::fs::read(&path).map_err(|source| DaemonError::Write { path, source })?;
+    let Some(record) = recording.products().find(|p| p.file == RESULT) else { return Ok(()) };
+    let text = read_inside(recording.folder(), &format!("products/{RESULT}"), record.bytes)?;
     let result = serde_json::from_slice(&text).map_err(|e| DaemonError::Encode(e.to_string()))?;
     session.append(Happening::Complete { result })?;
     let folder = session.recording().folder().display();

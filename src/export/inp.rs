@@ -198,9 +198,11 @@ fn comment(out: &mut impl Write, text: &str) -> std::io::Result<()> {
     let mut rest = &clean[..];
     loop {
         let most = rest.len().min(LINE - 3);
-        // A word longer than a line is cut.
+        // A word longer than a line is cut, behind a comma or the like where it has one: a number stays whole.
         let space = || rest[..most].iter().rposition(|c| *c == ' ').filter(|at| *at > 0);
-        let end = if most < rest.len() && rest[most] != ' ' { space().unwrap_or(most) } else { most };
+        let mark = || rest[..most].iter().rposition(|c| ",;:".contains(*c)).map(|at| at + 1);
+        let end =
+            if most < rest.len() && rest[most] != ' ' { space().or_else(mark).unwrap_or(most) } else { most };
         writeln!(out, "** {}", rest[..end].iter().collect::<String>().trim())?;
         rest = &rest[end..];
         if rest.iter().all(|c| *c == ' ') {

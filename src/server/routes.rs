@@ -201,7 +201,8 @@ pub(super) async fn session(
     params(("id" = String, Path, description = "Name of the session")), responses(
     (status = 201, description = "The run goes on", body = RunStarted),
     (status = 400, description = "Not a name", body = ErrorBody),
-    (status = 401, description = "No token", body = ErrorBody),
+    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
+    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 403, description = "Sent by another site's page", body = ErrorBody),
     (status = 404, description = "No such session", body = ErrorBody),
     (status = 409, description = "The rig is busy, or nothing is left to do", body = ErrorBody),
@@ -287,10 +288,13 @@ pub(super) async fn preview(
 #[utoipa::path(get, path = "/api/v1/sessions/{id}/rejected/{view}", tag = "sessions",
     params(("id" = String, Path, description = "Name of the session"),
            ("view" = usize, Path, description = "Index of the view")), responses(
-    (status = 200, description = "The picture", content_type = "image/*", body = Vec<u8>),
+    (status = 200, description = "The picture",
+     headers(("etag" = String, description = "SHA-256 of the file")),
+     content_type = "image/*", body = schemas::FileBytes),
     (status = 304, description = "The client has it already"),
     (status = 400, description = "Not a name, or no index", body = ErrorBody),
-    (status = 401, description = "No token", body = ErrorBody),
+    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
+    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 404, description = "No such session, or no refused picture of that view", body = ErrorBody),
 ))]
 pub(super) async fn rejected(

@@ -248,13 +248,16 @@ fn what_cannot_be_compressed_is_refused_with_what_to_do() {
     assert_eq!(daemon.post("/sessions/quartz/compressions/elastic/resume", None).0, 404);
     // What shows itself only once the grain is meshed is told as the end.
     let mut stream = daemon.events(None);
-    assert_eq!(press(&daemon, &json!({ "size_mm": 1e-5, "size_at_contact_mm": 1e-5 })).0, 201);
+    assert_eq!(
+        press(&daemon, &json!({ "size_mm": 1e-5, "size_at_contact_mm": 1e-5, "as_given": true })).0,
+        201
+    );
     let news = until(&mut stream, &["failed"]);
     let error = news.last().unwrap().data["error"].as_str().unwrap();
     assert!(error.contains("tetrahedra"), "{error}");
     // A session without a grain, and one whose grain was changed.
     let mut unfinished = daemon.events(None);
-    assert_eq!(daemon.start("empty", json!({ "hull": { "voxel_mm": 1e-9 } })).0, 201);
+    assert_eq!(daemon.start("empty", json!({ "hull": { "voxel_mm": 1e-9 }, "as_given": true })).0, 201);
     unfinished.until("failed");
     let (code, body) = daemon.post("/sessions/empty/compressions", Some(&small()));
     assert_eq!((code, &body["error"]["kind"]), (400, &json!("invalid")), "{body}");

@@ -209,8 +209,8 @@ fn a_run_that_fails_says_why_and_the_next_one_works() {
             json!({ "silhouette": { "min_area_px": 250_000.0 }, "acquire": { "quality": "label" } }),
             "250000",
         ),
-        ("coarse", json!({ "hull": { "voxel_mm": 1e-9 } }), "voxel"),
-        ("fine", json!({ "mesh": { "tet_volume_mm3": 1e-15 } }), "tetrahedra"),
+        ("coarse", json!({ "hull": { "voxel_mm": 1e-9 }, "as_given": true }), "voxel"),
+        ("fine", json!({ "mesh": { "tet_volume_mm3": 1e-15 }, "as_given": true }), "tetrahedra"),
     ];
     for (name, overrides, named) in failures {
         assert_eq!(daemon.start(name, overrides).0, 201, "{name}");
