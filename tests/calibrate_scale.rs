@@ -180,7 +180,7 @@ fn what_cannot_be_measured_is_told() {
         (
             &["1", "--pattern", "ball.jpg", "--camera-distance-mm", "1"],
             2,
-            &["distance is 1 mm", "at least 1.5 mm"],
+            &["camera_distance_mm is 1 mm", "--as-given"],
         ),
         (&["1", "--pattern", "ball.jpg", "--angles", "0,36"], 2, &["2 angle(s)", "1 picture(s)"]),
         (&["1", "--pin-diameter-mm", "1"], 2, &["--pin-diameter-mm"]),

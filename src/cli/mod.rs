@@ -276,6 +276,7 @@ fn is_usage(error: &anyhow::Error) -> bool {
                     | DaemonError::Angles { .. }
                     | DaemonError::OtherSize { .. }
                     | DaemonError::NotFree { .. }
+                    | DaemonError::Taken { .. }
                     | DaemonError::OneSession { .. }
                     | DaemonError::MergedAlready { .. }
                     | DaemonError::Doubt(_)

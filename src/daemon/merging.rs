@@ -30,7 +30,7 @@ pub fn merge(
     let name = out.file_name().unwrap_or_default().to_string_lossy().into_owned();
     check_name("session name", &name)?;
     if out.symlink_metadata().is_ok() {
-        return Err(DaemonError::NotFree { path: out.into() });
+        return Err(DaemonError::Taken { path: out.into() });
     }
     if a.canonicalize().ok() == b.canonicalize().ok() {
         return Err(DaemonError::OneSession { folder: a.into() });

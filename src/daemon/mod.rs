@@ -123,9 +123,15 @@ pub enum DaemonError {
         source: std::io::Error,
     },
     /// A folder that is not free.
-    #[error("{} is there already; give --out the name of a session that does not exist yet", path.display())]
+    #[error("{} is not an empty folder; give --out the name of a folder that does not exist yet", path.display())]
     NotFree {
         /// The folder.
+        path: PathBuf,
+    },
+    /// A session that was to be made is there.
+    #[error("{} is there already; give --out the name of a session that does not exist yet", path.display())]
+    Taken {
+        /// Its folder.
         path: PathBuf,
     },
     /// A capture that a merged grain was made from is not there, or is another.

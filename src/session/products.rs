@@ -14,11 +14,10 @@ use super::SessionError;
 use super::disk::{sha256_of, sync_folder, write_whole};
 use super::event::{Happening, ProductRecord};
 use super::name::check_name;
-use super::open::open_inside;
+use super::open::{open_inside, read_inside};
 use super::recording::{PRODUCTS, Recording};
 use super::writer::Session;
 use rustix::fs::{CWD, RenameFlags, renameat_with};
-use std::fs::File;
 use std::path::Path;
 
 /// The folder of a set that is being written.
@@ -72,9 +71,9 @@ impl Session {
             }
             // Some file systems have no second names.
             if std::fs::hard_link(&from, &to).is_err() {
-                std::fs::copy(&from, &to)
-                    .and_then(|_| File::open(&to)?.sync_all())
-                    .map_err(SessionError::io("copy", &to, kept.bytes))?;
+                let bytes =
+                    read_inside(self.recording().folder(), &format!("{PRODUCTS}/{}", kept.file), kept.bytes)?;
+                write_whole(next, &kept.file, &bytes)?;
             }
         }
         sync_folder(next)?;

@@ -206,7 +206,9 @@ fn no_damaged_session_is_shown_as_recorded_or_called_whole() {
             assert!(err.len() > 20 && !err.contains("panicked"), "{what}: {err}");
         }
         let (code, _, err) = lab.run(&["resume", &id]);
-        assert!(!err.contains("nothing is left to do") && !err.contains("panicked"), "{what}: {err}");
+        // What lacks only the journal's last line was killed there, as far as anybody can see: that line is written again.
+        let all_done = err.contains("nothing is left to do");
+        assert!((may_be_killed || !all_done) && !err.contains("panicked"), "{what}: {err}");
         if code == Some(0) {
             // It was gone on with from where its journal ends, or its products were made again, which is said; it is whole now.
             assert!(may_be_killed || err.contains("are made again"), "{what}: resume says {err}");
