@@ -13,12 +13,12 @@ use std::process::Stdio;
 /// Files that must be of one mesh.
 const MESH: [&str; 3] = ["grain.inp", "grain.stl", "grain.vtu"];
 
-/// How many kills: 200 under GRAINRIG_KILLS=200, for instance.
+/// How many kills: 200 under `GRAINRIG_KILLS=200`, for instance.
 fn kills() -> usize {
     std::env::var("GRAINRIG_KILLS").ok().and_then(|n| n.parse().ok()).unwrap_or(12)
 }
 
-/// Numbers from a seed (SplitMix64).
+/// Numbers from a seed (`SplitMix64`).
 struct Draws(u64);
 
 impl Draws {

@@ -195,7 +195,7 @@ fn surfaces_without_an_inside_and_controls_that_contradict_are_refused() {
     );
     asked(&["--distance-mm", "-1"], 2, &["distance_mm is -1 mm", "positive"]);
     asked(&["--distance-mm", "1e-7", "--as-given"], 1, &["distance_mm", "could not be kept"]);
-    asked(&["--surface-size-mm", "1e-5"], 2, &["GB of memory", "set surface_size_mm"]);
+    asked(&["--surface-size-mm", "1e-5", "--as-given"], 2, &["GB of memory", "set surface_size_mm"]);
     asked(&["--contact-depth-mm", "0.1"], 2, &["--size-at-contact-mm"]);
     asked(&["--order", "3"], 2, &["--order"]);
 }

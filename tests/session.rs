@@ -301,6 +301,9 @@ fn put(session: &mut Session, text: &str) {
     session.put_products(&set(text), serde_json::Value::Null, None).unwrap();
 }
 
+/// A journal, the folders beside it with what is in them, and what must be the newest set.
+type Case<'a> = (&'a [u8], &'a [(&'a str, &'a str)], &'a str);
+
 #[test]
 fn a_killed_exchange_of_products_is_finished_or_undone_when_the_session_is_opened() {
     let (_dir, store) = store();
@@ -320,7 +323,6 @@ fn a_killed_exchange_of_products_is_finished_or_undone_when_the_session_is_opene
     };
     // What a kill leaves: before the record, after it, after the exchange, and between the two renames of a file system
     // that can't exchange folders.
-    type Case<'a> = (&'a [u8], &'a [(&'a str, &'a str)], &'a str);
     let cases: [Case; 5] = [
         (&before, &[("products", "old"), ("products.next", "new")], "old"),
         (&after, &[("products", "old"), ("products.next", "new")], "new"),

@@ -32,7 +32,7 @@ pub enum ExportError {
     Resolution {
         /// The format.
         format: &'static str,
-        /// `single` or `double`.
+        /// `single`, `double`, or so many decimal digits.
         kind: &'static str,
         /// The longest side of the body's box, in the file's unit.
         longest: f64,

@@ -13,7 +13,7 @@
 //! | `TOP_SURFACE`, `BOTTOM_SURFACE` | surfaces: outer faces with at least one corner in the set |
 //! | `TOP_ELEMENTS`, `BOTTOM_ELEMENTS` | element sets: the elements of these faces |
 
-use super::ExportError;
+use super::{ExportError, resolution};
 use crate::mesh::{SecondOrder, Surface, TetMesh};
 use std::fmt::Display;
 use std::io::Write;
@@ -68,6 +68,7 @@ pub fn write_order(
     if let Some(i) = mesh.nodes.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
         return unfit(format!("node {} is at {:?}, not finite", i + 1, mesh.nodes[i]));
     }
+    let decimals = resolution::decimals("Abaqus", &mesh.nodes)?;
     let second = (order == Order::Second).then(|| mesh.second_order());
     let nodes = second.as_ref().map_or(&mesh.nodes, |s| &s.nodes);
     let surface = mesh.surface();
@@ -79,7 +80,7 @@ pub fn write_order(
     }
     writeln!(out, "*NODE, NSET=GRAIN_NODES")?;
     for (i, p) in nodes.iter().enumerate() {
-        writeln!(out, "{}, {:.9e}, {:.9e}, {:.9e}", i + 1, p.x, p.y, p.z)?;
+        writeln!(out, "{}, {:.decimals$e}, {:.decimals$e}, {:.decimals$e}", i + 1, p.x, p.y, p.z)?;
     }
     if let Some(second) = &second {
         writeln!(out, "*ELEMENT, TYPE=C3D10, ELSET=GRAIN")?;

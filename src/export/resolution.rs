@@ -32,12 +32,44 @@ pub(super) fn check(
     Ok(())
 }
 
+/// Decimals of a mantissa that are written of coordinates: ten digits, or fourteen of a body that lies so far from the origin
+/// that ten would move its nodes. A field of a deck has room for twenty characters.
+///
+/// # Errors
+/// As [`check`], where fourteen are too few.
+pub(super) fn decimals(format: &'static str, places: &[Point]) -> Result<usize, ExportError> {
+    const USUAL: (usize, f64) = (9, 1e-9);
+    const MOST: (usize, f64) = (13, 1e-13);
+    let Some(bounds) = Aabb::of(places.iter().copied()) else { return Ok(USUAL.0) };
+    let (longest, far) = (bounds.size().max(), bounds.farthest());
+    // A thousandth of the least step that a body must have: its elements are smaller than it is.
+    if far * USUAL.1 * 1e3 * LEAST_STEPS <= longest {
+        return Ok(USUAL.0);
+    }
+    let step = far * MOST.1;
+    if longest < LEAST_STEPS * step {
+        let kind = "14-digit";
+        return Err(ExportError::Resolution { format, kind, longest, far, step, least: LEAST_STEPS });
+    }
+    Ok(MOST.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn edge(from: f64, long: f64) -> [Point; 2] {
         [Point::new(from, 0.0, 0.0), Point::new(from + long, 0.0, 0.0)]
+    }
+
+    #[test]
+    fn more_digits_are_written_of_what_is_far_away_until_there_are_too_few() {
+        let of = |from| decimals("Abaqus", &edge(from, 1.0));
+        assert_eq!(
+            [of(0.0).unwrap(), of(500.0).unwrap(), of(1e4).unwrap(), of(-3e8).unwrap()],
+            [9, 9, 13, 13]
+        );
+        assert!(of(1e11).unwrap_err().to_string().contains("14-digit precision are 0.01 apart"));
     }
 
     #[test]

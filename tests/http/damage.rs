@@ -10,7 +10,7 @@ use std::process::Command;
 use crate::daemon::{Daemon, Lab, SMALL, files};
 
 /// Mutations unless `GRAINRIG_MUTATIONS` says otherwise.
-const MUTATIONS: u64 = 34;
+const MUTATIONS: u64 = 17;
 const KINDS: u64 = 17;
 
 /// Numbers that are the same each time (splitmix64).
