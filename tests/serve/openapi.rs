@@ -1,4 +1,4 @@
-//! The description of the interface is one that generators of clients can read: the rules of OpenAPI 3.1 that they rest on.
+//! The description of the interface is one that generators of clients can read: the rules of `OpenAPI` 3.1 that they rest on.
 
 use crate::rig::{Server, client};
 use serde_json::Value;
