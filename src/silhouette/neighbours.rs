@@ -44,8 +44,6 @@ const TOP_MORE_PX: [f64; 2] = [1.0, 2.0];
 /// What the area may break its bounds by, as a share of the mean area: a hundredth is a third of a pixel all round
 /// a grain of 130 px.
 const AREA_SHARE: [f64; 2] = [0.02, 0.06];
-/// And this many pixels all round: what outlines waver by, and what the ends' rows add, is more of a small grain.
-const AREA_MORE_PX: [f64; 2] = [0.25, 0.5];
 /// What a reach may break its bounds by, as a share of the mean width.
 const REACH_SHARE: [f64; 2] = [0.01, 0.04];
 /// And this much more, pixels: bearings and cameras shake by fractions of one.
@@ -272,11 +270,7 @@ impl Series {
         let mean = |f: fn(&Traits) -> f64| views.iter().map(|v| f(v.traits)).sum::<f64>() / n;
         let width = mean(|t| t.columns[1] - t.columns[0]);
         [0, 1].map(|k| match self {
-            Self::Area => {
-                // The outline is about as long as its box's.
-                let around = 2.0 * (width + mean(|t| t.height));
-                AREA_SHARE[k] * mean(|t| t.filled_px) + AREA_MORE_PX[k] * around
-            }
+            Self::Area => AREA_SHARE[k] * mean(|t| t.filled_px),
             _ => REACH_SHARE[k] * width + REACH_MORE_PX[k],
         })
     }
