@@ -201,7 +201,7 @@ fn what_cannot_be_compressed_is_refused_with_what_to_do() {
             "sphere_diameter_mm is 0.0008 mm; above 0.01 and below 100 mm is usual: did you mean 0.8 mm (it looks given in m)?",
         ),
         (vec!["metres.stl"], 2, "metres.stl: the body's longest side is"),
-        (vec!["metres.stl"], 2, "did you mean 0.8 mm (it looks given in m)?"),
+        (vec!["metres.stl"], 2, "did you mean 0.8"),
         (vec!["open.stl"], 1, "open.stl: the surface does not bound a solid: the edge from vertex"),
         (vec!["open.stl"], 1, "close it"),
         (

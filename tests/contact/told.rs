@@ -70,7 +70,8 @@ fn what_means_nothing_is_not_told() {
     let folder = TempDir::new().unwrap();
     // Before the plates carry anything there is no energy to balance, and no motion to compare with.
     let sphere = |more: &[&'static str]| [&SPHERE[..], more].concat();
-    let (text, said, early) = compress(folder.path(), "early", &sphere(&["--to-approach-mm", "1e-7"]));
+    let (text, said, early) =
+        compress(folder.path(), "early", &sphere(&["--to-approach-mm", "1e-7", "--as-given"]));
     assert!(early["energy"]["balance_error"].is_null() && early["quasi_static"].is_null(), "{early}");
     assert!(
         early["over_two_plate_form"].is_null() && early["warnings"].as_array().unwrap().is_empty(),
@@ -94,7 +95,7 @@ fn how_a_body_was_placed_is_told_as_rotate_deg_takes_it() {
     let nodes = "1, 0, 0, 0\n2, .5, .02, .03\n3, .04, .5, 0\n4, .01, .05, .5\n5, .5, .55, .6\n";
     let deck = format!("*NODE\n{nodes}*ELEMENT, TYPE=C3D4\n1, 1, 2, 3, 4\n2, 2, 5, 3, 4\n");
     std::fs::write(folder.path().join("two.inp"), deck).unwrap();
-    let short = ["two.inp", "--to-approach-mm", "1e-6"];
+    let short = ["two.inp", "--to-approach-mm", "1e-6", "--as-given"];
     let (text, _, rests) = compress(folder.path(), "rests", &short);
     assert!(text.contains("placed     --rotate-deg "), "{text}");
     let placed: Vec<f64> =
