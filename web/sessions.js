@@ -62,6 +62,7 @@ function sessionItem(session, want) {
       tellFault("sessions-fault", error);
     }
   });
+  const unfinished = session.state && session.state !== "complete";
   if (!unfinished || session.busy || session.damage) return make("li", {}, item);
   const id = `resume-${session.name}`;
   const resume = make("button", { type: "button", class: "quiet", id, "aria-label": `Resume ${session.name}` }, "Resume");
