@@ -336,7 +336,7 @@ fn moved(kind: &str, scale: f64, shift: f64) -> Vec<u8> {
     }
     let mut text = format!("ply\nformat ascii 1.0\nelement vertex {}\n", surface.vertices.len());
     text += "property double x\nproperty double y\nproperty double z\n";
-    write!(text, "element face {}\n", surface.triangles.len()).unwrap();
+    writeln!(text, "element face {}", surface.triangles.len()).unwrap();
     text += "property list uchar uint vertex_indices\nend_header\n";
     surface.vertices.iter().for_each(|p| writeln!(text, "{} {} {}", p.x, p.y, p.z).unwrap());
     surface.triangles.iter().for_each(|[a, b, c]| writeln!(text, "3 {a} {b} {c}").unwrap());

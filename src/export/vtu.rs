@@ -44,7 +44,7 @@ pub fn write(
 /// The same, with lines that say what it is as a comment.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_told(
     mesh: &TetMesh,
     told: &[String],
