@@ -173,3 +173,20 @@ fn a_grain_that_slips_on_its_pedestal_is_told() {
     let warnings = result["warnings"].to_string();
     assert!(warnings.contains("slipped"), "{warnings}");
 }
+
+/// README's own `capture coarse --views 10`, on grains whose few outlines fit a turn that is wrong by a whole view.
+#[test]
+fn a_clean_grain_in_few_views_has_turned_as_the_stage_did() {
+    for seed in [1, 10] {
+        let lab = Lab::new();
+        lab.write("rig.toml", format!("[simulated]\nseed = {seed}\n"));
+        let arguments = ["--config", "rig.toml", "--json", "capture", "coarse", "--views", "10"];
+        let result = lab.run(&arguments).succeeds().json();
+        assert_eq!(result["calibration"]["findings"], serde_json::json!([]), "seed {seed}");
+        let views = result["calibration"]["views"].as_array().unwrap();
+        for v in views {
+            let off = number(v, "/angle_deg") - number(v, "/nominal_angle_deg");
+            assert!(off.abs() < 0.2, "seed {seed}: {v}");
+        }
+    }
+}

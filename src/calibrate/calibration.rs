@@ -100,6 +100,8 @@ pub enum FindingKind {
     LostSteps,
     /// Every step is larger or smaller than it should be.
     StepSize,
+    /// One of the two: the outlines do not tell which.
+    SlipOrStepSize,
 }
 
 /// What a view that looks from elsewhere costs of the volume, computed on irregular grains: 0.3 % for 0.5° in every

@@ -18,7 +18,7 @@ const HEIGHTS: usize = 128;
 /// Two directions are one where the next ones are at least this many times as far.
 const FURTHER: f64 = 2.0;
 /// Furthest neighbour that tells h′, radians.
-const FURTHEST_RAD: f64 = 0.36;
+const FURTHEST_RAD: f64 = 0.4;
 /// How far h′ may be off, as a share of its change between the neighbours (standard deviation).
 const BENT: f64 = 0.2;
 /// Rounds of weighing.

@@ -15,8 +15,8 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 /// Heights that are compared, and samples in all: more cost more than they tell.
 const HEIGHTS: usize = 48;
 const SAMPLES: usize = 6000;
-/// Standard deviation of one view's angle: a 0.9° motor's ±5 % of a step, evenly spread, radians.
-pub(super) const STEP_SIGMA_RAD: f64 = 0.05 * 0.9 / 1.732_050_8 * std::f64::consts::PI / 180.0;
+/// Standard deviation of one view's angle: a stepper's ±5 % of a full step, evenly spread, as a share of the step.
+pub(super) const VIEW_SIGMA_STEPS: f64 = 0.05 / 1.732_050_8;
 /// Nobody mounts a camera worse: roll and rise (radians), and how far a camera is (grain heights away).
 const ROLL_SIGMA_RAD: f64 = 0.2;
 const RISE_SIGMA_RAD: f64 = 0.1;
@@ -29,13 +29,21 @@ const PEDESTAL_TILT_RAD: f64 = 0.01;
 const LEAST_LEAN_SIGMA_RAD: f64 = 1e-4;
 /// What a straight edge may be off by at either end, pixels (standard deviation).
 const EDGE_PX: f64 = 0.03;
-/// Places of the parameters: c, roll, q, p, then every view's shift, then every view's angle.
+/// Places of the parameters: c, roll, q, p, the step size's excess as a share of it, then every view's shift, then every
+/// view's angle.
 pub(super) const ROLL: usize = 1;
 pub(super) const RECIPROCAL: usize = 2;
 pub(super) const RISE: usize = 3;
-pub(super) const SHARED: usize = 4;
+pub(super) const STEP: usize = 4;
+pub(super) const SHARED: usize = 5;
 /// The least wobble believed, pixels: with a pedestal to see it by, and without.
 const LEAST_WOBBLE_PX: [f64; 2] = [0.02, 0.25];
+/// The step size is held as tight as this. It is a parameter for what the others make of it: the likelihood takes the
+/// corners of a grain for angles, and is as often wrong by a hundredth of every step as by nothing (`tests/calibration`).
+const STEP_HELD: f64 = 1e-7;
+/// The slices of a real grain are not quite what the random functions are: uncertainties are this much larger than
+/// the equations say (measured over many simulated rigs: see `tests/calibration`).
+pub(super) const MODEST: f64 = 1.6;
 /// Noise that is taken off the slopes that shape the equations, pixels (standard deviation).
 const FOLLOWED_PX: f64 = 0.1;
 /// Rounds of linearising in which the spreads are sought, and rounds of each search.
@@ -71,12 +79,21 @@ pub(super) struct Prior {
 }
 
 /// What is known beforehand; `None` where nothing is.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Priors {
     pub column_px: Option<Prior>,
     pub roll_rad: Option<Prior>,
     /// mm per pixel over the distance: 1/pixels.
     pub reciprocal: Option<Prior>,
+    /// A full step of the motor, radians.
+    pub full_step_rad: f64,
+}
+
+impl Priors {
+    /// Standard deviation of one view's angle, radians.
+    pub(super) fn view_sigma_rad(&self) -> f64 {
+        VIEW_SIGMA_STEPS * self.full_step_rad
+    }
 }
 
 /// The parameters, and how sure they are.
@@ -84,8 +101,10 @@ pub(super) struct Fit {
     pub line: Line,
     /// All parameters; the first two are corrections that `line` has taken up.
     pub parameters: DVector<f64>,
-    /// Their covariance.
+    /// Their covariance, with the step size as it is held.
     pub covariance: DMatrix<f64>,
+    /// What the step size may be off by, as a share of it (standard deviation).
+    pub step_sigma: f64,
     pub hyper: Hyper,
     /// Whole height of the grain, pixels.
     pub height_px: f64,
@@ -98,8 +117,9 @@ pub(super) struct Fit {
 }
 
 impl Fit {
-    pub(super) fn sigma(&self, k: usize) -> f64 {
-        self.covariance[(k, k)].max(0.0).sqrt()
+    /// Standard deviation of parameter `k`: what the equations say and what the step size makes of it, so many times over.
+    pub(super) fn sigma(&self, k: usize, modest: f64) -> f64 {
+        modest * self.own_sigma(k).hypot(self.with_step(k) * self.step_sigma)
     }
 
     pub(super) fn views(&self) -> usize {
@@ -110,8 +130,24 @@ impl Fit {
         self.parameters[SHARED + view]
     }
 
-    pub(super) fn angle_rad(&self, view: usize) -> f64 {
+    /// How far the grain is ahead in a view, radians.
+    pub(super) fn ahead_rad(&self, view: usize) -> f64 {
         self.parameters[SHARED + self.views() + view]
+    }
+
+    /// The standard deviation of a view's whole angle, `turned_rad` from the first view's.
+    pub(super) fn ahead_sigma_rad(&self, view: usize, turned_rad: f64) -> f64 {
+        let own = SHARED + self.views() + view;
+        (MODEST * self.own_sigma(own)).hypot((turned_rad + self.with_step(own)) * self.step_sigma)
+    }
+
+    fn own_sigma(&self, k: usize) -> f64 {
+        self.covariance[(k, k)].max(0.0).sqrt()
+    }
+
+    /// How parameter `k` changes with the step size.
+    fn with_step(&self, k: usize) -> f64 {
+        self.covariance[(k, STEP)] / self.covariance[(STEP, STEP)]
     }
 }
 
@@ -129,6 +165,8 @@ struct Round<'a> {
     angles: &'a [f64],
     /// Of the shared parameters.
     priors: [Prior; SHARED],
+    /// Standard deviation of a view's own angle, radians.
+    view_sigma_rad: f64,
 }
 
 /// What a search for the most likely spreads starts from, or what stands instead of one.
@@ -194,6 +232,7 @@ pub(super) fn fit(
             line,
             parameters: parameters.clone(),
             covariance: solved.covariance,
+            step_sigma: 0.0,
             hyper: spread,
             height_px: profiles.height_px,
             shape,
@@ -239,6 +278,7 @@ impl<'a> Round<'a> {
             lean_sigma_rad: [LEAST_LEAN_SIGMA_RAD; 2],
             angles,
             priors: [Prior { value: 0.0, sigma: 1.0 }; SHARED],
+            view_sigma_rad: priors.view_sigma_rad(),
         };
         // The slopes of the shape as it is known so far shape the equations.
         // An edge that moved is better followed than smoothed away: it would flatten the slopes.
@@ -260,6 +300,7 @@ impl<'a> Round<'a> {
             priors.roll_rad.map_or(open(ROLL_SIGMA_RAD), |p| shifted(p, line.roll_rad)),
             priors.reciprocal.unwrap_or(open(1.0 / (NEAREST_HEIGHTS * height))),
             open(RISE_SIGMA_RAD),
+            open(STEP_HELD),
         ];
         let seen = views.iter().enumerate().filter_map(|(i, v)| v.pedestal.map(|p| (i, p)));
         round.pedestals =
@@ -294,6 +335,7 @@ impl<'a> Round<'a> {
             of(&|i, k| -side[i] * (z[k] + h[(i, k)] * up[(i, k)])),
             of(&|i, k| side[i] * along[(i, k)] * (h[(i, k)] - z[k] * up[(i, k)])),
             of(&|i, k| -side[i] * along[(i, k)] * up[(i, k)]),
+            of(&|i, k| (self.angles[i % n] - self.angles[0]) * along[(i, k)]),
         ];
         for v in 0..n {
             self.regressors.push(of(&|i, _| if i % n == v { side[i] } else { 0.0 }));
@@ -317,7 +359,7 @@ impl<'a> Round<'a> {
         match k {
             _ if k < SHARED => self.priors[k],
             _ if k < SHARED + n => Prior { value: 0.0, sigma: hyper.wobble_px },
-            _ => Prior { value: 0.0, sigma: STEP_SIGMA_RAD },
+            _ => Prior { value: 0.0, sigma: self.view_sigma_rad },
         }
     }
 

@@ -1,7 +1,10 @@
 //! From the silhouettes of a session to the rig's numbers.
 
 use super::calibration::{Calibration, Finding, FindingKind, Rotation, ViewCalibration};
-use super::fit::{Fit, Prior, Priors, RECIPROCAL, RISE, ROLL, Sample, Spreads, Upright, fit};
+use super::fit::{
+    Fit, MODEST, Prior, Priors, RECIPROCAL, RISE, ROLL, SHARED, Sample, Spreads, Upright, VIEW_SIGMA_STEPS,
+    fit,
+};
 use super::profile::Line;
 use super::turning::{self, Change, Turning};
 use super::{Axis, AxisError, AxisMethod, How, Measured, find_axis};
@@ -16,11 +19,12 @@ const MOST_VIEWS: usize = 100;
 const ROUNDS: usize = 3;
 /// What a number must be of its standard uncertainty to count as seen.
 const SEEN_SIGMAS: f64 = 4.0;
-/// The slices of a real grain are not quite what the random functions are: uncertainties are this much larger than
-/// the equations say (measured over many simulated rigs: see `tests/calibration.rs`).
-const MODEST: f64 = 1.6;
-/// The same for the reciprocal distance and the rays' rise, which small errors of the outlines move most.
+/// What [`MODEST`] is for the reciprocal distance and for the rays' rise, which small errors of the outlines move most.
 const MODEST_RECIPROCAL: f64 = 2.2;
+const MODEST_RISE: f64 = 4.4;
+/// How far a distance that somebody noted may be off, as a share of its reciprocal (standard deviation): it is measured
+/// to the lens' front, to the camera's back, or was another lens'.
+const NOTED_DISTANCE: f64 = 0.5;
 /// What an outline may be off by on one side all along, pixels (standard deviation).
 const OUTLINE_PX: f64 = 0.08;
 /// Widest gap between views over which slips can be told, degrees.
@@ -121,57 +125,68 @@ impl Worked {
             column_px: known.axis_column_px.map(|c| Prior { value: c, sigma: 1e-6 }),
             roll_rad: known.roll_deg.map(|r| exactly(r.to_radians())),
             reciprocal: None,
+            full_step_rad: known.full_step_deg.to_radians(),
         };
-        let angles = |sense: f64| -> Vec<f64> { views.iter().map(|v| sense * v.angle.rad()).collect() };
-        let mut sense = sense;
-        let first = fit(samples, &angles(sense), &priors, start, Spreads::Sought, ROUNDS)?;
         let blind = blind(views);
-        let look = |angles: &[f64], first: Fit| match blind {
-            None => turning::look(samples, angles, &priors, first),
-            Some(_) => Turning { found: Vec::new(), angles: angles.to_vec(), fit: first },
+        let work = |sense: f64, line: &Line| -> Option<Turning> {
+            let angles: Vec<f64> = views.iter().map(|v| sense * v.angle.rad()).collect();
+            let first = fit(samples, &angles, &priors, line, Spreads::Sought, ROUNDS)?;
+            let mut turning = match blind {
+                None => turning::look(samples, &angles, &priors, first),
+                Some(_) => Turning::as_told(&angles, first),
+            };
+            turning.fit.step_sigma = turning.step_sigma(samples);
+            Some(turning)
         };
-        let mut turning = look(&angles(sense), first);
-        let told = |f: &Fit| (f.parameters[RECIPROCAL], MODEST_RECIPROCAL * f.sigma(RECIPROCAL));
+        let mut sense = sense;
+        let mut turning = work(sense, start)?;
+        let told = |f: &Fit| (f.parameters[RECIPROCAL], f.sigma(RECIPROCAL, MODEST_RECIPROCAL));
         let (q, sigma) = told(&turning.fit);
         // Seen from a finite distance, the grain's mirror image turning the other way would need a camera behind it.
         if q < -SEEN_SIGMAS * sigma {
             sense = -sense;
             let line = turning.fit.line;
-            let first = fit(samples, &angles(sense), &priors, &line, Spreads::Sought, ROUNDS)?;
-            turning = look(&angles(sense), first);
+            turning = work(sense, &line)?;
         }
         let reciprocal = told(&turning.fit);
         let sense_seen = reciprocal.0 > SEEN_SIGMAS * reciprocal.1;
         if let (Some(distance), Some(scale)) = (known.camera_distance_mm, known.mm_per_px.value) {
-            let mut priors = priors;
-            priors.reciprocal = Some(exactly(scale / distance));
-            let Turning { found, angles, fit: former } = turning;
-            let fit = fit(samples, &angles, &priors, &former.line, Spreads::Known(former.hyper), ROUNDS)?;
-            turning = Turning { found, angles, fit };
+            let noted = scale / distance;
+            let sigma = NOTED_DISTANCE * noted;
+            if (reciprocal.0 - noted).abs() < SEEN_SIGMAS * reciprocal.1.hypot(sigma) {
+                // The equations think themselves surer than they are: as much surer must they think what was noted.
+                let reciprocal = Some(Prior { value: noted, sigma: sigma / MODEST_RECIPROCAL });
+                let priors = Priors { reciprocal, ..priors };
+                let (line, spreads) = (turning.fit.line, Spreads::Known(turning.fit.hyper));
+                let again = fit(samples, &turning.angles, &priors, &line, spreads, ROUNDS)?;
+                turning.fit = Fit { step_sigma: turning.fit.step_sigma, ..again };
+            }
         }
         Some(Self { turning, sense, sense_seen, reciprocal })
     }
 
     fn calibration(&self, views: &[SeenView], known: &Known) -> Calibration {
-        let Turning { fit, angles, found } = &self.turning;
+        let Turning { fit, angles, unsure_rad, found } = &self.turning;
         let mut warnings = Vec::new();
         let height = fit.height_px.max(1.0);
         let shared = OUTLINE_PX * (2.0 / height);
-        let sigma = |k: usize, more: f64| (MODEST * fit.sigma(k)).hypot(more);
+        let sigma = |k: usize, more: f64| fit.sigma(k, MODEST).hypot(more);
         let scale = known.mm_per_px.value.unwrap_or(1.0);
         let (camera_distance_mm, camera_distance_says) = self.distance(known, scale, fit, &mut warnings);
         let rise = fit.parameters[RISE];
-        let rise_sigma = (MODEST_RECIPROCAL * fit.sigma(RISE)).hypot(shared);
+        let rise_sigma = fit.sigma(RISE, MODEST_RISE).hypot(shared);
         let elevation_deg = if rise.abs() > SEEN_SIGMAS * rise_sigma {
             Measured::measured(rise.to_degrees(), rise_sigma.to_degrees())
         } else {
-            Measured::assumed(0.0, Some(rise_sigma.to_degrees()))
+            // Level is what it is taken for: it may be what the outlines say, and as much more as they may be off.
+            Measured::assumed(0.0, Some(rise.hypot(rise_sigma).to_degrees()))
         };
         let typical = fit.hyper.wobble_px.max(0.1);
         let details: Vec<ViewCalibration> = (views.iter().enumerate())
             .map(|(i, v)| {
                 let offset_px = fit.offset_px(i);
-                let offset_sigma_px = sigma(super::fit::SHARED + i, OUTLINE_PX);
+                let offset_sigma_px = sigma(SHARED + i, OUTLINE_PX);
+                let turned_rad = angles[i] - angles[0];
                 let mut warnings = Vec::new();
                 if offset_px.abs() > FAR_SIGMAS * typical {
                     warnings.push(format!(
@@ -182,8 +197,8 @@ impl Worked {
                 ViewCalibration {
                     index: v.index,
                     nominal_angle_deg: v.angle.deg(),
-                    angle_deg: (self.sense * (angles[i] + fit.angle_rad(i))).to_degrees(),
-                    angle_sigma_deg: sigma(super::fit::SHARED + views.len() + i, 0.0).to_degrees(),
+                    angle_deg: (self.sense * (angles[i] + fit.ahead_rad(i))).to_degrees(),
+                    angle_sigma_deg: fit.ahead_sigma_rad(i, turned_rad).hypot(unsure_rad[i]).to_degrees(),
                     offset_px,
                     offset_sigma_px,
                     residual_px: fit.residuals_px[i],
@@ -192,7 +207,7 @@ impl Worked {
                 }
             })
             .collect();
-        let findings: Vec<Finding> = found.iter().map(|f| self.finding(f, views, known)).collect();
+        let findings: Vec<Finding> = found.iter().map(|f| self.finding(f, views)).collect();
         warnings.extend(findings.iter().map(|f| f.text.clone()));
         warnings.extend(blind(views));
         let counter_clockwise = self.sense > 0.0;
@@ -238,7 +253,7 @@ impl Worked {
         }
     }
 
-    /// The distance as given, as measured, or how far the camera must be at least.
+    /// The distance as noted and measured, or how far the camera must be at least; what the pictures alone say of it.
     fn distance(
         &self,
         known: &Known,
@@ -247,10 +262,10 @@ impl Worked {
         warnings: &mut Vec<String>,
     ) -> (Measured, String) {
         let (q, sigma) = self.reciprocal;
-        let nearest = scale / (q.max(0.0) + 3.0 * sigma);
+        let nearest = scale / (q.max(0.0) + SEEN_SIGMAS * sigma);
         let seen = q > SEEN_SIGMAS * sigma;
         let says = if seen {
-            format!("the outlines say {:.0} ± {:.0} mm", scale / q, scale * sigma / (q * q))
+            format!("the outlines say {:.0} ± {:.0} mm", scale / q, distance_sigma_mm(scale, q, sigma))
         } else if nearest < 20.0 * fit.mean_reach_px * scale {
             "the outlines do not show it".into()
         } else {
@@ -258,21 +273,26 @@ impl Worked {
                 "the views look parallel: the camera is farther than {nearest:.0} mm, or the lens is telecentric"
             )
         };
-        match known.camera_distance_mm {
-            Some(d) => {
-                if (q - scale / d).abs() > SEEN_SIGMAS * sigma {
-                    warnings.push(format!(
-                        "the camera's distance is given as {d} mm, but {says}: check the given one"
-                    ));
-                }
-                (Measured::given(d, None), says)
-            }
-            None if seen => (Measured::measured(scale / q, scale * sigma / (q * q)), says),
-            None => (Measured::not_observable(), says),
+        if let Some(d) = known.camera_distance_mm
+            && (q - scale / d).abs() > SEEN_SIGMAS * sigma
+        {
+            warnings.push(format!(
+                "the camera's distance is given as {d} mm, but {says}: the outlines are believed; check the given one"
+            ));
         }
+        // With what was noted, where that can be.
+        let (best, sigma) = (fit.parameters[RECIPROCAL], fit.sigma(RECIPROCAL, MODEST_RECIPROCAL));
+        let measured = if best > sigma && (seen || known.camera_distance_mm.is_some()) {
+            let how = if seen { How::Measured } else { How::Given };
+            let sigma = Some(distance_sigma_mm(scale, best, sigma));
+            Measured { value: Some(scale / best), sigma, how }
+        } else {
+            Measured::not_observable()
+        };
+        (measured, says)
     }
 
-    fn finding(&self, found: &turning::Found, views: &[SeenView], known: &Known) -> Finding {
+    fn finding(&self, found: &turning::Found, views: &[SeenView]) -> Finding {
         let degrees = (self.sense * found.rad).to_degrees();
         let sigma_deg = MODEST * found.sigma_rad.to_degrees();
         let travel = views.last().map_or(0.0, |v| (v.angle - views[0].angle).deg());
@@ -300,29 +320,36 @@ impl Worked {
                 }
             }
             Change::From(k) => {
-                let steps = (size / known.full_step_deg).round();
-                let whole = steps >= 1.0
-                    && (size - steps * known.full_step_deg).abs()
-                        < (2.0 * sigma_deg).clamp(0.04, 0.25 * known.full_step_deg);
                 let [from, to] = found.between.map(|k| views[k].index);
                 let place = if from == to {
                     format!("from view {from} on")
                 } else {
                     format!("from view {} on (as likely as any of {from} to {to})", views[k].index)
                 };
-                let lost = whole && !ahead;
-                let cause = if lost {
-                    format!(
-                        ": {steps} full step{} of the motor lost, or the grain slipped; check the motor's current, speed and \
-                         acceleration, and the glue",
-                        if steps > 1.0 { "s" } else { "" }
-                    )
-                } else {
-                    ": it slipped on its pedestal, or the stage lost its place; check glue and coupling"
-                        .into()
+                let (kind, cause) = match (found.or_step, found.lost_steps) {
+                    (true, _) => (
+                        FindingKind::SlipOrStepSize,
+                        ", or every step turns it a little wrong, which the outlines do not tell apart: check glue and \
+                         coupling, then steps per turn, microsteps and gear of the stage; a second capture tells, as a slip \
+                         does not come again in the same place"
+                            .into(),
+                    ),
+                    (false, 0) => (
+                        FindingKind::Slip,
+                        ": it slipped on its pedestal, or the stage lost its place; check glue and coupling"
+                            .into(),
+                    ),
+                    (false, steps) => (
+                        FindingKind::LostSteps,
+                        format!(
+                            ": {steps} full step{} of the motor lost, or the grain slipped; check the motor's current, speed \
+                             and acceleration, and the glue",
+                            if steps > 1 { "s" } else { "" }
+                        ),
+                    ),
                 };
                 Finding {
-                    kind: if lost { FindingKind::LostSteps } else { FindingKind::Slip },
+                    kind,
                     view: Some(views[k].index),
                     between: Some([from, to]),
                     degrees,
@@ -333,6 +360,11 @@ impl Worked {
             }
         }
     }
+}
+
+/// Half the width of the distances whose reciprocals lie within one standard uncertainty of `reciprocal`, mm.
+fn distance_sigma_mm(scale: f64, reciprocal: f64, sigma: f64) -> f64 {
+    0.5 * (scale / (reciprocal - sigma) - scale / (reciprocal + sigma))
 }
 
 /// Why slips cannot be told, where they cannot: the outlines must be right, and reach round the grain.
@@ -384,7 +416,7 @@ fn unmeasured(views: &[SeenView], known: &Known, start: &Line) -> Calibration {
                 index: v.index,
                 nominal_angle_deg: v.angle.deg(),
                 angle_deg: v.angle.deg(),
-                angle_sigma_deg: super::fit::STEP_SIGMA_RAD.to_degrees(),
+                angle_sigma_deg: VIEW_SIGMA_STEPS * known.full_step_deg,
                 offset_px: 0.0,
                 offset_sigma_px: 0.0,
                 residual_px: 0.0,

@@ -7,7 +7,7 @@
 //! is negative, tells where the angles went wrong (Huber and Ronchetti, Robust Statistics, 2009, on why not squares).
 
 use super::closing::{Closing, closings};
-use super::fit::{Fit, Priors, Sample, Spreads, fit};
+use super::fit::{Fit, MODEST, Priors, Sample, Spreads, fit};
 use nalgebra::DMatrix;
 
 /// The evidence that a change must have: what the curvatures' likelihood gains for every height, weighed against what
@@ -30,12 +30,29 @@ const FINE: (f64, i32) = (0.02 * RAD_PER_DEG, 25);
 /// Beyond this closing views cannot tell how much, radians; then the curvatures must gain more.
 const LINEAR_RAD: f64 = 2.5 * RAD_PER_DEG;
 const LARGE_GAIN: f64 = 5.0;
-/// How well the curvature alone tells a change, radians (standard deviation).
+/// How well the curvature alone tells a change, radians (standard deviation), where it gains so much by it.
 const CURVATURE_RAD: f64 = 0.15 * RAD_PER_DEG;
+const CURVATURE_GAIN: f64 = 3.0;
+/// How far every step of a stage may be off, as a share (standard deviation): a belt's or a worm's pitch, a gear's teeth.
+const STEP_SIZE: f64 = 0.006;
 /// How many places are worked out in full.
 const WORKED_OUT: usize = 4;
 /// A place whose evidence is no more than this below the best one's is as good.
 const AS_GOOD: f64 = 2.0;
+/// What speaks for a slip must be this much more than what speaks for a step size that is a little wrong, or it may be
+/// either: of 24 rigs with a wrong step size three looked like a slip, by 3.1 at most, and of 16 with a slip none by less
+/// than 4.3. As far as whole steps of the motor it is not by chance.
+const SURELY_SLIPPED: f64 = 3.5;
+const SURELY_LOST: f64 = 1.0;
+/// And the closing views by themselves must say so much for it, or the curvatures gain as much as for a large change.
+const SURELY_CLOSES: f64 = 4.0;
+/// What closing views speak against by so much has not happened, whatever else speaks for it: where views are few, the
+/// curvatures like a turn that is wrong by a whole view best of all.
+const REFUTED: f64 = 4.0;
+/// A slip is whole steps of the motor if it is that near: standard deviations, radians at least, a share of a step at most.
+const WHOLE_SIGMAS: f64 = 3.2;
+const WHOLE_RAD: f64 = 0.04 * RAD_PER_DEG;
+const WHOLE_SHARE: f64 = 0.25;
 /// Most changes that are told in one session.
 const MOST_CHANGES: usize = 3;
 /// Directions closer than this are one, radians.
@@ -64,11 +81,15 @@ impl Change {
         match self {
             Self::From(view) => (0..n).map(|i| f64::from(i >= view)).collect(),
             Self::Step => {
-                let whole = (angles.iter().map(|a| a - angles[0]))
-                    .fold(0.0, |m: f64, a| if a.abs() > m.abs() { a } else { m });
-                angles.iter().map(|a| (a - angles[0]) / whole.abs().max(1e-9)).collect()
+                let span = Self::span(angles);
+                angles.iter().map(|a| (a - angles[0]) / span).collect()
             }
         }
+    }
+
+    /// How far the grain turns in all, radians.
+    fn span(angles: &[f64]) -> f64 {
+        angles.iter().map(|a| (a - angles[0]).abs()).fold(1e-9, f64::max)
     }
 }
 
@@ -81,19 +102,52 @@ pub(super) struct Found {
     pub sigma_rad: f64,
     /// The places that are as good, for [`Change::From`].
     pub between: [usize; 2],
+    /// How many whole steps of the motor it is behind; 0 where it is not.
+    pub lost_steps: u32,
+    /// Whether every step being a little wrong explains it nearly as well.
+    pub or_step: bool,
 }
 
 /// The changes, and the fit with the angles that they lead to.
 pub(super) struct Turning {
     pub found: Vec<Found>,
     pub angles: Vec<f64>,
+    /// What an angle may be off by because one of two changes happened and nothing tells which, radians.
+    pub unsure_rad: Vec<f64>,
     pub fit: Fit,
+}
+
+impl Turning {
+    /// The angles as the stage told them.
+    pub(super) fn as_told(angles: &[f64], fit: Fit) -> Self {
+        Self { found: Vec::new(), angles: angles.to_vec(), unsure_rad: vec![0.0; angles.len()], fit }
+    }
+
+    /// What every step may be off by beyond what was found, as a share of it (standard deviation): what was known
+    /// beforehand, and what the closing views say. It is not mended, so that what they say of it counts as well.
+    pub(super) fn step_sigma(&self, views: &[Sample]) -> f64 {
+        let sigma_rad = MODEST * self.found.iter().map(|f| f.sigma_rad.powi(2)).sum::<f64>().sqrt();
+        let span = Change::span(&self.angles);
+        if self.found.iter().any(|f| f.change == Change::Step) {
+            return sigma_rad / span;
+        }
+        let pattern = Change::Step.pattern(&self.angles);
+        let mut weights = (STEP_SIZE * span).powi(-2);
+        let mut sum = 0.0;
+        for c in closings(views, &self.angles, &self.fit.line) {
+            let share = pattern[c.views[1]] - pattern[c.views[0]];
+            let weight = 1.0 / (variance(&c, 0.0) + sigma_rad.powi(2));
+            weights += weight * share * share;
+            sum += weight * share * c.rad;
+        }
+        (sum / weights).hypot(weights.sqrt().recip()) / span
+    }
 }
 
 /// Looks for changes until none is left; `first` is the fit at `angles`.
 pub(super) fn look(views: &[Sample], angles: &[f64], priors: &Priors, first: Fit) -> Turning {
-    let mut now = Turning { found: Vec::new(), angles: angles.to_vec(), fit: first };
-    while now.found.len() < MOST_CHANGES {
+    let mut now = Turning::as_told(angles, first);
+    while now.found.len() < MOST_CHANGES && !now.found.iter().any(|f| f.or_step) {
         let Some(next) = one(views, priors, &now) else { break };
         now = next;
     }
@@ -153,29 +207,46 @@ impl<'a> Search<'a> {
 
     /// How unlikely it makes what the closing views tell: minus the logarithm of the likelihood.
     fn amiss(&self, change: Change, rad: f64) -> f64 {
-        if rad.abs() > LINEAR_RAD {
-            return self.nothing;
-        }
+        let large = rad.abs() > LINEAR_RAD;
+        // How much a large change makes of a pair is not known, but not that it brings the same outline back.
+        let rad = rad.clamp(-LINEAR_RAD, LINEAR_RAD);
         let one = |(c, share): (&Closing, f64)| {
-            let variance = variance(c, rad * share);
-            0.5 * ((c.rad - rad * share).powi(2) / variance + variance.ln())
+            let (expected, variance) = (rad * share, variance(c, rad * share));
+            let off = if large { (expected.abs() - c.rad.abs()).max(0.0) } else { c.rad - expected };
+            0.5 * (off.powi(2) / variance + variance.ln())
         };
         self.shares(change).map(one).sum()
     }
 
-    /// What speaks for a change, natural logarithms.
-    fn evidence(&self, t: &Tried) -> f64 {
-        let gain = (self.unchanged - t.cost) / self.heights;
-        if t.rad.abs() > LINEAR_RAD && gain < LARGE_GAIN {
-            return 0.0;
-        }
-        GAIN_WEIGHT * gain + self.nothing - self.amiss(t.change, t.rad)
+    /// What the curvatures' likelihood gains by a change, natural logarithms for each height.
+    fn gain(&self, t: &Tried) -> f64 {
+        (self.unchanged - t.cost) / self.heights
     }
 
-    /// How much, with its standard deviation: what the curvature says, and what the closing views do.
+    /// What speaks for a change, natural logarithms.
+    fn evidence(&self, t: &Tried) -> f64 {
+        let gain = self.gain(t);
+        let closes = self.closes(t);
+        if closes < -REFUTED || (t.rad.abs() > LINEAR_RAD && gain < LARGE_GAIN) {
+            return 0.0;
+        }
+        GAIN_WEIGHT * gain + closes
+    }
+
+    /// What the closing views say for a change, natural logarithms.
+    fn closes(&self, t: &Tried) -> f64 {
+        self.nothing - self.amiss(t.change, t.rad)
+    }
+
+    /// How much, with its standard deviation: what the curvature says, what the closing views do, and how far steps are
+    /// off at most.
     fn how_much(&self, place: &Tried) -> [f64; 2] {
-        let mut weights = CURVATURE_RAD.powi(-2);
+        let told = (self.gain(place) / CURVATURE_GAIN).clamp(0.1, 1.0);
+        let mut weights = (CURVATURE_RAD / told).powi(-2);
         let mut sum = weights * place.rad;
+        if place.change == Change::Step && place.rad.abs() <= LINEAR_RAD {
+            weights += (STEP_SIZE * Change::span(self.angles)).powi(-2);
+        }
         if place.rad.abs() <= LINEAR_RAD {
             for (c, share) in self.shares(place.change) {
                 let weight = 1.0 / variance(c, place.rad * share);
@@ -223,13 +294,49 @@ fn one(views: &[Sample], priors: &Priors, now: &Turning) -> Option<Turning> {
             .max_by(|a, b| a.0.total_cmp(&b.0))?;
         Some((score, fine, fitted))
     });
-    let (_, place, fitted) = worked.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let mut worked: Vec<(f64, Tried, Fit)> = worked.collect();
+    worked.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let stepped = worked.iter().find(|w| w.1.change == Change::Step).map(|w| (w.0, w.1));
+    let (score, place, fitted) = worked.into_iter().next()?;
     let [rad, sigma_rad] = search.how_much(&place);
-    let angles = search.moved(place.change, rad);
+    let mut angles = search.moved(place.change, rad);
+    let lost_steps = lost_steps(&place, [rad, sigma_rad], &search, priors);
+    let surely = if lost_steps > 0 { SURELY_LOST } else { SURELY_SLIPPED };
+    let supported = search.gain(&place) > LARGE_GAIN || search.closes(&place) > SURELY_CLOSES;
+    let stepped = stepped.filter(|s| place.change != Change::Step && (s.0 > score - surely || !supported));
+    let mut unsure_rad = vec![0.0; angles.len()];
+    if let Some((_, stepped)) = stepped {
+        // In the middle between the two, and as unsure as they are apart.
+        let [rad, _] = search.how_much(&stepped);
+        for ((a, other), unsure) in
+            angles.iter_mut().zip(search.moved(Change::Step, rad)).zip(&mut unsure_rad)
+        {
+            *unsure = 0.5 * (*a - other).abs();
+            *a = 0.5 * (*a + other);
+        }
+    }
     let fit = fit(views, &angles, priors, &fitted.line, Spreads::SoughtFrom(fitted.hyper), ROUNDS)?;
     let mut found = now.found.clone();
-    found.push(Found { change: place.change, rad, sigma_rad, between: between(&tried, &place, best) });
-    Some(Turning { found, angles, fit })
+    found.push(Found {
+        change: place.change,
+        rad,
+        sigma_rad,
+        between: between(&tried, &place, best),
+        lost_steps,
+        or_step: stepped.is_some(),
+    });
+    Some(Turning { found, angles, unsure_rad, fit })
+}
+
+/// How many whole steps of the motor were lost; 0 where that is not what happened.
+fn lost_steps(place: &Tried, [rad, sigma_rad]: [f64; 2], search: &Search, priors: &Priors) -> u32 {
+    let travel = search.angles[search.angles.len() - 1] - search.angles[0];
+    let step = priors.full_step_rad;
+    let steps = (rad.abs() / step).round();
+    let off = (rad.abs() - steps * step).abs();
+    let near = (WHOLE_SIGMAS * sigma_rad).clamp(WHOLE_RAD, WHOLE_SHARE * step);
+    let lost = place.change != Change::Step && rad * travel < 0.0 && steps >= 1.0 && off < near;
+    if lost { steps as u32 } else { 0 }
 }
 
 /// The first and last place that are as good as the one chosen.

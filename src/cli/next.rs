@@ -10,7 +10,7 @@ use std::path::Path;
 pub(super) fn after(common: &Common, done: &Finished) -> String {
     let r = &done.result;
     let findings = r.calibration.as_ref().map_or(&[][..], |c| &c.findings);
-    let moved = findings.iter().any(|f| matches!(f.kind, FindingKind::Slip | FindingKind::LostSteps));
+    let moved = findings.iter().any(|f| f.kind != FindingKind::StepSize);
     let (command, why) = if moved {
         ("capture", "captures it anew, once what the notes name is mended")
     } else if r.hull.volume_mm3.is_none() {

@@ -104,6 +104,17 @@ pub fn random(seed: u64, wrong: Wrong) -> Settings {
     settings
 }
 
+/// A rig anywhere within wide limits whose camera looks up or down as well, whose steps are all a little too large or too
+/// small, and whose distance was noted wrong; with that distance, mm.
+pub fn misread(seed: u64) -> (Settings, Option<f64>) {
+    let mut draw = Draw::new(seed ^ 0x9c7);
+    let rig = random(seed, Wrong::StepRatio(draw.between(0.99, 1.01)));
+    let elevation_deg = draw.between(-1.0, 1.0);
+    let given = draw.between(0.7, 1.6) * rig.camera_distance_mm.unwrap_or(250.0);
+    let given = draw.pick(&[None, Some(given), Some(given)]);
+    (Settings { elevation_deg, ..rig }, given)
+}
+
 /// A session: all views, and the truth behind them.
 pub struct Captured {
     pub angles: Vec<Angle>,
@@ -113,14 +124,21 @@ pub struct Captured {
     pub truth: Truth,
 }
 
-/// Turns and photographs; `None` where the body does not fit the picture or a silhouette cannot be found.
+/// Turns through half a turn in [`VIEWS`] views and one that closes it.
 pub fn capture(settings: &Settings) -> Result<Captured, String> {
+    capture_views(settings, VIEWS)
+}
+
+/// Turns and photographs; an error where the body does not fit the picture or a silhouette cannot be found.
+pub fn capture_views(settings: &Settings, views: usize) -> Result<Captured, String> {
     let (mut stage, mut camera, truth) = open(settings).map_err(|e| e.to_string())?;
     stage.home().map_err(|e| e.to_string())?;
     let mut angles = Vec::new();
     let mut pictures = Vec::new();
-    for view in 0..=VIEWS {
-        let angle = Angle::from_deg(7.2 * view as f64);
+    // Whole full steps, as a plan has them.
+    let step_deg = 0.9 * (200.0 / views as f64).floor();
+    for view in 0..=views {
+        let angle = Angle::from_deg(if view == views { 180.0 } else { step_deg * view as f64 });
         if view > 0 {
             stage.move_to(angle).map_err(|e| e.to_string())?;
         }
