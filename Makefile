@@ -1,5 +1,5 @@
 # grainrig: `make demo` and `make test` do all the set-up on a fresh Debian or Ubuntu that has Rust and Node.
-.PHONY: all demo test test-hil run check bench tools drivers clean
+.PHONY: all demo test test-long test-hil run check bench tools drivers clean
 .DEFAULT_GOAL := all
 
 CARGO ?= cargo
@@ -30,6 +30,13 @@ run: all
 test: tools drivers
 	$(CARGO) test $(FEATURES)
 	cd web && GRAINRIG_BIN=$(CURDIR)/target/debug/grainrig CHROMIUM="$$( $(FIND_BROWSER) )" npm test
+
+# The same with the hours: more rigs, grains, kills, mutations, connections, meshes.
+LONG := GRAINRIG_RIGS=60 GRAINRIG_ALL=1 GRAINRIG_BODIES=500 GRAINRIG_GRAINS=100 GRAINRIG_MERGES=1 GRAINRIG_PLANS=1 GRAINRIG_KILLS=200 GRAINRIG_MUTATIONS=500 \
+	GRAINRIG_CROWD=2000 GRAINRIG_QUALITY_SEEDS=3 GRAINRIG_CONTACT=1 GRAINRIG_MOVES=10000 GRAINRIG_FUZZ_ROUNDS=400 \
+	GRAINRIG_FUZZ_S=3000
+test-long: tools drivers
+	$(LONG) $(CARGO) test --release --no-fail-fast $(FEATURES)
 
 # The second layer of the tests: the program on a real kernel that an emulator runs, with the rig plugged in. Needs Debian's
 # packages and 100 MB of them; where they can't be had this says `*** skipped`, with the reason, and is no failure.

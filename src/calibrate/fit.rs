@@ -158,6 +158,8 @@ struct Round<'a> {
     side: Vec<f64>,
     y: DMatrix<f64>,
     regressors: Vec<DMatrix<f64>>,
+    /// Both as the grid wants them for its sums.
+    rotated: (DMatrix<f64>, Vec<DMatrix<f64>>),
     /// Pedestals' places right of the line, and their leans beyond the line's, by view.
     pedestals: Vec<(usize, f64, f64)>,
     /// Standard deviation of a lean, radians: a view's own, and what all share.
@@ -274,6 +276,7 @@ impl<'a> Round<'a> {
             side,
             y,
             regressors: Vec::new(),
+            rotated: (DMatrix::zeros(0, 0), Vec::new()),
             pedestals: Vec::new(),
             lean_sigma_rad: [LEAST_LEAN_SIGMA_RAD; 2],
             angles,
@@ -292,6 +295,8 @@ impl<'a> Round<'a> {
             let [h, along] = round.grid.smoothed(&round.shape(&known), &close)?;
             round.regress(&h, &along, &profiles.z_px);
         }
+        round.rotated =
+            (round.grid.rotated(&round.y), round.regressors.iter().map(|x| round.grid.rotated(x)).collect());
         let height = profiles.height_px;
         let open = |sigma: f64| Prior { value: 0.0, sigma };
         let shifted = |p: Prior, by: f64| Prior { value: p.value - by, ..p };
@@ -363,8 +368,16 @@ impl<'a> Round<'a> {
         }
     }
 
+    fn sums(&self, hyper: &Hyper) -> Option<Sums> {
+        self.grid.sums(&self.rotated.0, &self.rotated.1, hyper)
+    }
+
     fn solve(&self, hyper: &Hyper) -> Option<Solved> {
-        let mut all = self.grid.sums(&self.y, &self.regressors, hyper)?;
+        self.solved(self.sums(hyper)?, hyper)
+    }
+
+    /// With what the reaches say (whatever the views' shifts and the pedestal scatter by), all that is known beforehand.
+    fn solved(&self, mut all: Sums, hyper: &Hyper) -> Option<Solved> {
         let mut log_prior = 0.0;
         for k in 0..all.right.len() {
             let Prior { value, sigma } = self.prior(k, hyper);
@@ -417,7 +430,9 @@ impl<'a> Round<'a> {
     fn search(&self, start: Hyper) -> Hyper {
         let with_pedestals = !self.pedestals.is_empty();
         let least_wobble = LEAST_WOBBLE_PX[usize::from(!with_pedestals)];
-        let likelihood = |h: &Hyper| self.solve(h).map_or(f64::NEG_INFINITY, |s| s.log_likelihood);
+        let likelihood = |sums: Option<Sums>, h: &Hyper| {
+            sums.and_then(|s| self.solved(s, h)).map_or(f64::NEG_INFINITY, |s| s.log_likelihood)
+        };
         let entries: [(Entry, f64, f64); 6] = [
             (|h| &mut h.curvature_px, 0.1, 1e4),
             (|h| &mut h.edge_px, 0.02, 10.0),
@@ -429,7 +444,8 @@ impl<'a> Round<'a> {
         let open = if with_pedestals { 6 } else { 5 };
         let mut steps = [1.6f64; 6];
         let mut best = Hyper { wobble_px: start.wobble_px.max(least_wobble), ..start };
-        let mut greatest = likelihood(&best);
+        let mut sums = self.sums(&best);
+        let mut greatest = likelihood(sums.clone(), &best);
         for _ in 0..SEARCH_ROUNDS {
             for (k, (entry, least, most)) in entries.iter().take(open).enumerate() {
                 let mut moved = false;
@@ -440,9 +456,12 @@ impl<'a> Round<'a> {
                     if next == best {
                         continue;
                     }
-                    let l = likelihood(&next);
+                    // What the views' shifts and the pedestal scatter by is no matter of the reaches.
+                    let beside = Hyper { wobble_px: best.wobble_px, pedestal_px: best.pedestal_px, ..next };
+                    let told = if beside == best { sums.clone() } else { self.sums(&next) };
+                    let l = likelihood(told.clone(), &next);
                     if l > greatest + 1e-3 {
-                        (best, greatest, moved) = (next, l, true);
+                        (best, sums, greatest, moved) = (next, told, l, true);
                         break;
                     }
                 }

@@ -4,16 +4,17 @@
 //! the slice's convex hull, white about its mean along t, harmonic n of h has variance σ²/(n² − 1)²; harmonics 0 and
 //! 1 (size and place) are free in every slice. Slices at heights Δz apart are alike as exp(−|Δz|/ℓ). Both together
 //! make a covariance that is a Kronecker product, so that in the eigenvectors of the heights' part every problem
-//! falls into small ones (kriging; Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, §2.7 for
+//! falls into small ones. The free harmonics are left out by looking only at combinations of the directions that they do
+//! not reach, which is what an unbounded variance comes to (kriging; Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, §2.7 for
 //! the free terms, §5.4 for the marginal likelihood).
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SymmetricEigen};
+use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
 use rayon::prelude::*;
 
 /// Harmonics that count.
 const HARMONICS: usize = 60;
-/// Standard deviation of the free harmonics, pixels: as good as unbounded.
-const FREE_PX: f64 = 1e4;
+/// Free harmonics that differ by less than this in all directions are one (singular value).
+const DEPENDENT: f64 = 1e-9;
 /// Heights over which light and blur move an edge alike, as a share of the heights' range.
 const EDGE_ALIKE: f64 = 0.08;
 
@@ -42,9 +43,15 @@ pub(super) struct Grid {
     /// Covariance of the shape along t for a unit σ, and its derivative along the first direction.
     shape: DMatrix<f64>,
     slope: DMatrix<f64>,
-    /// Free harmonics' covariance and derivative.
-    free: DMatrix<f64>,
-    free_slope: DMatrix<f64>,
+    /// Combinations of the directions that the free harmonics do not reach, `[direction, combination]`, in which the shape
+    /// is independent, with its variances there: one decomposition serves all heights and all spreads.
+    seen: DMatrix<f64>,
+    variances: Vec<f64>,
+}
+
+/// The free harmonics of a direction.
+fn free(t: f64) -> [f64; 3] {
+    [1.0, t.cos(), t.sin()]
 }
 
 /// Heights in the combinations in which both shape and noise are independent: with `N = LLᵀ` the noise's covariance and
@@ -67,10 +74,16 @@ impl Grid {
         };
         let shape = sum(&|k, d| (k * d).cos());
         let slope = sum(&|k, d| -k * (k * d).sin());
-        let basis = DMatrix::from_fn(n, 3, |i, k| [1.0, t[i].cos(), t[i].sin()][k] * FREE_PX);
-        let turned = DMatrix::from_fn(n, 3, |i, k| [0.0, -t[i].sin(), t[i].cos()][k] * FREE_PX);
-        let (free, free_slope) = (&basis * basis.transpose(), &turned * basis.transpose());
-        Self { t, heights, shape, slope, free, free_slope }
+        let basis = DMatrix::from_fn(n, 3, |i, k| free(t[i])[k]);
+        let inverse = basis.clone().pseudo_inverse(DEPENDENT).unwrap_or_else(|_| DMatrix::zeros(3, n));
+        let beside = DMatrix::identity(n, n) - &basis * &inverse;
+        // What the free harmonics reach has the eigenvalue 0, all else at least the offset.
+        let offset = 1.0;
+        let eigen = SymmetricEigen::new(&beside * &shape * &beside + &beside * offset);
+        let kept: Vec<usize> = (0..n).filter(|k| eigen.eigenvalues[*k] > 0.5 * offset).collect();
+        let variances = kept.iter().map(|k| (eigen.eigenvalues[*k] - offset).max(0.0)).collect();
+        let seen = eigen.eigenvectors.select_columns(&kept);
+        Self { t, heights, shape, slope, seen, variances }
     }
 
     pub(super) fn samples(&self) -> usize {
@@ -106,66 +119,64 @@ impl Grid {
         })
     }
 
-    /// Covariance of the reaches in one mode.
-    fn covariance(&self, hyper: &Hyper, value: f64) -> DMatrix<f64> {
-        let mut c = &self.shape * (value * hyper.curvature_px.powi(2)) + &self.free;
-        for i in 0..c.nrows() {
-            c[(i, i)] += 1.0;
-        }
-        c
-    }
-
     /// The reaches without their noise, and their derivatives along t: `[sample, height]`.
     pub(super) fn smoothed(&self, reaches: &DMatrix<f64>, hyper: &Hyper) -> Option<[DMatrix<f64>; 2]> {
         let modes = self.modes(hyper)?;
+        let n = self.samples();
         let y = reaches * &modes.transform;
-        let columns: Vec<[DVector<f64>; 2]> = (0..modes.values.len())
-            .into_par_iter()
-            .map(|m| {
-                let weights = Cholesky::new(self.covariance(hyper, modes.values[m]))?.solve(&y.column(m));
-                let scale = modes.values[m] * hyper.curvature_px.powi(2);
-                Some([
-                    (&self.shape * scale + &self.free) * &weights,
-                    (&self.slope * scale + &self.free_slope) * &weights,
-                ])
-            })
-            .collect::<Option<_>>()?;
-        let gather = |k: usize| {
-            let own: Vec<DVector<f64>> = columns.iter().map(|c| c[k].clone()).collect();
-            DMatrix::from_columns(&own) * &modes.inverse
-        };
-        Some([gather(0), gather(1)])
+        let mut weights = self.rotated(&y);
+        for (m, value) in modes.values.iter().enumerate() {
+            let scale = value * hyper.curvature_px.powi(2);
+            for (w, variance) in weights.column_mut(m).iter_mut().zip(&self.variances) {
+                *w /= scale * variance + 1.0;
+            }
+        }
+        let weights = &self.seen * weights;
+        let mut scaled = weights.clone();
+        for (m, value) in modes.values.iter().enumerate() {
+            scaled.column_mut(m).scale_mut(value * hyper.curvature_px.powi(2));
+        }
+        let smooth = y - &weights;
+        // What the shape leaves is the free harmonics.
+        let basis = DMatrix::from_fn(n, 3, |i, k| free(self.t[i])[k]);
+        let turned = DMatrix::from_fn(n, 3, |i, k| [0.0, -self.t[i].sin(), self.t[i].cos()][k]);
+        let rest = &smooth - &self.shape * &scaled;
+        let along = &self.slope * scaled + turned * (basis.pseudo_inverse(DEPENDENT).ok()? * rest);
+        Some([smooth * &modes.inverse, along * &modes.inverse])
     }
 
-    /// Generalised least squares sums of the reaches `y` on the regressors `x` (a matrix `[sample, height]` each).
+    /// A matrix `[sample, height]` in the combinations that the free harmonics do not reach.
+    pub(super) fn rotated(&self, x: &DMatrix<f64>) -> DMatrix<f64> {
+        self.seen.tr_mul(x)
+    }
+
+    /// Generalised least squares sums of the reaches `y` on the regressors `x` (all of them [`Grid::rotated`]).
     pub(super) fn sums(&self, y: &DMatrix<f64>, x: &[DMatrix<f64>], hyper: &Hyper) -> Option<Sums> {
         let modes = self.modes(hyper)?;
-        let (n, p) = (self.samples(), x.len());
+        let (n, p) = (self.seen.ncols(), x.len());
         let y = y * &modes.transform;
         let x: Vec<DMatrix<f64>> = x.par_iter().map(|x| x * &modes.transform).collect();
         let parts: Vec<Sums> = (0..modes.values.len())
             .into_par_iter()
             .map(|m| {
-                let cholesky: Cholesky<f64, Dyn> = Cholesky::new(self.covariance(hyper, modes.values[m]))?;
-                let l = cholesky.l();
-                let mut right = DMatrix::zeros(n, p + 1);
-                for (k, x) in x.iter().enumerate() {
-                    right.set_column(k, &x.column(m));
+                let scale = modes.values[m] * hyper.curvature_px.powi(2);
+                let variances: Vec<f64> = self.variances.iter().map(|v| scale * v + 1.0).collect();
+                let mut whitened = DMatrix::zeros(n, p + 1);
+                for (k, x) in x.iter().chain([&y]).enumerate() {
+                    for ((w, x), v) in whitened.column_mut(k).iter_mut().zip(&x.column(m)).zip(&variances) {
+                        *w = x / v.sqrt();
+                    }
                 }
-                right.set_column(p, &y.column(m));
-                if !l.solve_lower_triangular_mut(&mut right) {
-                    return None;
-                }
-                let all = right.transpose() * &right;
-                Some(Sums {
+                let all = whitened.transpose() * &whitened;
+                Sums {
                     normal: all.view((0, 0), (p, p)).into_owned(),
                     right: all.view((0, p), (p, 1)).column(0).into_owned(),
                     square: all[(p, p)],
-                    log_det: 2.0 * l.diagonal().iter().map(|d| d.ln()).sum::<f64>(),
-                })
+                    log_det: variances.iter().map(|v| v.ln()).sum::<f64>(),
+                }
             })
-            .collect::<Option<_>>()?;
-        let log_det = n as f64 * modes.log_det;
+            .collect();
+        let log_det = self.samples() as f64 * modes.log_det;
         let zero = Sums { normal: DMatrix::zeros(p, p), right: DVector::zeros(p), square: 0.0, log_det };
         Some(parts.into_iter().fold(zero, |mut a, b| {
             a.normal += b.normal;
@@ -239,8 +250,40 @@ mod tests {
             100.0 + 5.0 * (2.0 * t[i] + 0.1 * j as f64).cos() + if i == 7 { 0.8 } else { 0.0 }
         });
         let x = DMatrix::from_fn(n as usize, 10, |i, _| f64::from(i == 7));
-        let s = grid.sums(&y, &[x], &hyper()).unwrap();
+        let s = grid.sums(&grid.rotated(&y), &[grid.rotated(&x)], &hyper()).unwrap();
         let found = s.right[0] / s.normal[(0, 0)];
         assert!((found - 0.8).abs() < 3.0 / s.normal[(0, 0)].sqrt(), "{found}");
+    }
+
+    #[test]
+    fn sums_are_those_of_the_whole_covariance_with_harmonics_that_are_as_good_as_unbounded() {
+        let (n, m, unbounded) = (14, 5, 1e5);
+        let t: Vec<f64> = (0..n).map(|i| 0.41 * i as f64 + 0.003 * (i * i) as f64).collect();
+        let z: Vec<f64> = (0..m).map(|k| 3.0 * k as f64).collect();
+        let h = hyper();
+        let grid = Grid::new(t.clone(), z.clone());
+        let range = z[m - 1] - z[0];
+        let alike = |k: usize, l: usize, length: f64| (-(z[k] - z[l]).abs() / (length * range)).exp();
+        let whole = DMatrix::from_fn(n * m, n * m, |a, b| {
+            let ([i, k], [j, l]) = ([a / m, a % m], [b / m, b % m]);
+            let same = |x: usize, y: usize| f64::from(u8::from(x == y));
+            let noise = h.edge_px.powi(2) * alike(k, l, EDGE_ALIKE) + h.noise_px.powi(2) * same(k, l);
+            let unknown: f64 = free(t[i]).iter().zip(free(t[j])).map(|(a, b)| a * b).sum();
+            h.curvature_px.powi(2) * grid.shape[(i, j)] * alike(k, l, h.alike)
+                + unbounded * unbounded * unknown * same(k, l)
+                + noise * same(i, j)
+        });
+        let some = |seed: f64| DMatrix::from_fn(n, m, |i, k| (seed * (1 + i * m + k) as f64).sin());
+        let (y, x) = (some(1.3), [some(2.9), some(0.7)]);
+        let sums = grid.sums(&grid.rotated(&y), &x.clone().map(|x| grid.rotated(&x)), &h).unwrap();
+        let cholesky = Cholesky::new(whole).unwrap();
+        let flat = |x: &DMatrix<f64>| DVector::from_iterator(n * m, x.transpose().iter().copied());
+        let dot = |a: &DMatrix<f64>, b: &DMatrix<f64>| flat(a).dot(&cholesky.solve(&flat(b)));
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-4 * b.abs().max(1.0), "{a} {b}");
+        near(sums.square, dot(&y, &y));
+        for i in 0..2 {
+            near(sums.right[i], dot(&x[i], &y));
+            near(sums.normal[(i, 1)], dot(&x[i], &x[1]));
+        }
     }
 }
