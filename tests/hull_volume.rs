@@ -4,6 +4,7 @@ use grainrig::geometry::{Angle, Point};
 use grainrig::hull::{Cone, HullGrid, find_bounds};
 use grainrig::rig::simulated::{Settings, open};
 use grainrig::silhouette::{self, PedestalMode, Picture};
+use rayon::prelude::*;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -80,15 +81,17 @@ fn the_volume_is_a_plain_loops_to_a_thousandth_at_the_default_resolution() {
         // A box of its own about the body, so that a hull cut off by its bounds would show.
         let (low, step) = (bounds.center() - bounds.size() * 0.55, 1.1 * longest / PLAIN as f64);
         let counts = bounds.size().map(|x| (1.1 * x / step).ceil() as usize);
-        let mut within = 0u64;
-        for z in 0..counts.z {
+        let layer = |z: usize| {
+            let mut within = 0u64;
             for y in 0..counts.y {
                 for x in 0..counts.x {
                     let at = |k: usize, i: usize| low[k] + (i as f64 + 0.37) * step;
                     within += u64::from(cones.iter().all(|c| inside(c, [at(0, x), at(1, y), at(2, z)])));
                 }
             }
-        }
+            within
+        };
+        let within: u64 = (0..counts.z).into_par_iter().map(layer).sum();
         let expected = within as f64 * step.powi(3);
         let off = got.volume_mm3 / expected - 1.0;
         println!("{name}, {count} views: {:.6} mm³, off by {off:.1e}", got.volume_mm3);

@@ -6,6 +6,7 @@ use grainrig::geometry::{Angle, Point, Projection};
 use grainrig::rig::simulated::{Coverage, Truth, TruthHandle, open};
 use grainrig::session::event::Role;
 use kit::Lab;
+use rayon::prelude::*;
 use serde_json::Value;
 
 /// The volume of what all true silhouettes share, by nothing but a loop over the corners' midpoints: cells whose
@@ -27,8 +28,8 @@ fn hull_by_counting(views: &[(Projection, Coverage)], low: Point, high: Point, e
         upper * (1.0 - fy) + lower * fy >= 0.5
     };
     let cells = (high - low).map(|side| (side / edge_mm).ceil() as usize);
-    let mut count = 0_u64;
-    for k in 0..cells.z {
+    let layer = |k: usize| {
+        let mut count = 0_u64;
         for j in 0..cells.y {
             for i in 0..cells.x {
                 let p = Point::new(
@@ -39,8 +40,9 @@ fn hull_by_counting(views: &[(Projection, Coverage)], low: Point, high: Point, e
                 count += u64::from(views.iter().all(|v| covered(v, &p)));
             }
         }
-    }
-    count as f64 * edge_mm.powi(3)
+        count
+    };
+    (0..cells.z).into_par_iter().map(layer).sum::<u64>() as f64 * edge_mm.powi(3)
 }
 
 fn number(value: &Value, pointer: &str) -> f64 {
