@@ -235,6 +235,15 @@ fn a_slip_is_named_and_located() {
     assert!(named == made && located == made, "{made} {named} {located}");
 }
 
+/// A full step may be as small as a gear makes it.
+#[test]
+fn a_slip_on_a_finely_geared_motor_is_found_as_well() {
+    let captured = capture(&laboratory(1003, Wrong::Slip(14, -1.3))).unwrap();
+    let (c, _) = calibrated(&captured, &Known { full_step_deg: 0.05, ..known(&captured) });
+    let [found] = &c.findings[..] else { panic!("{:?}", c.findings) };
+    assert!((found.degrees + 1.3).abs() < 2.0 * found.sigma_deg, "{found:?}");
+}
+
 #[test]
 fn a_lost_step_is_named_and_located() {
     let wrong = |seed: u64| Wrong::LostStep((seed as usize * 5) % 24);
