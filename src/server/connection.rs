@@ -33,7 +33,8 @@ pub(super) struct Doorkeeper {
 
 impl Doorkeeper {
     pub(super) fn new(listener: TcpListener, idle_limit: Duration) -> Self {
-        Self { listener, places: Places::new(), idle_limit }
+        let files = rustix::process::getrlimit(rustix::process::Resource::Nofile).current;
+        Self { listener, places: Places::new(files), idle_limit }
     }
 }
 

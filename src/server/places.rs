@@ -27,6 +27,7 @@ const STREAMS: usize = 64;
 /// The places of one listener.
 #[derive(Debug)]
 pub(super) struct Places {
+    most: usize,
     held: Mutex<Held>,
     opened: Instant,
 }
@@ -90,8 +91,10 @@ impl Seat {
 }
 
 impl Places {
-    pub(super) fn new() -> Arc<Self> {
-        Arc::new(Self { held: Mutex::default(), opened: Instant::now() })
+    /// For a process that may have so many files open, if there is a limit: half of them are for connections.
+    pub(super) fn new(open_files: Option<u64>) -> Arc<Self> {
+        let most = open_files.map_or(PLACES, |files| PLACES.min((files / 2) as usize).max(1));
+        Arc::new(Self { most, held: Mutex::default(), opened: Instant::now() })
     }
 
     fn held(&self) -> MutexGuard<'_, Held> {
@@ -120,7 +123,7 @@ impl Places {
         if !address.is_loopback() {
             held.make_room(PLACES_OF_ADDRESS, |place| place.address == address);
         }
-        held.make_room(PLACES, |_| true);
+        held.make_room(self.most, |_| true);
         let number = held.next;
         held.next += 1;
         held.all.insert(number, Arc::clone(&place));
@@ -213,7 +216,7 @@ mod tests {
 
     #[tokio::test(start_paused = true)]
     async fn whoever_has_shown_least_makes_room() {
-        let places = Places::new();
+        let places = Places::new(None);
         let (known, mut known_left) = places.seat("127.0.0.1".parse().unwrap());
         known.ticket().was_answered(true);
         let (answered, mut answered_left) = places.seat("127.0.0.1".parse().unwrap());
@@ -234,8 +237,17 @@ mod tests {
     }
 
     #[tokio::test(start_paused = true)]
+    async fn there_are_no_more_places_than_half_the_files() {
+        let places = Places::new(Some(1024));
+        let mut crowd = seats(&places, "127.0.0.1", 513);
+        let left: Vec<bool> = crowd.iter_mut().map(|(_, left)| is_told(left)).collect();
+        assert_eq!(left.iter().filter(|left| **left).count(), 1);
+        assert_eq!(places.held().all.len(), 512);
+    }
+
+    #[tokio::test(start_paused = true)]
     async fn one_address_of_the_network_and_streams_have_their_share() {
-        let places = Places::new();
+        let places = Places::new(None);
         let (_other, mut other_left) = places.seat("10.0.0.7".parse().unwrap());
         let mut crowd = seats(&places, "10.0.0.9", PLACES_OF_ADDRESS + 1);
         assert!(!is_told(&mut other_left));
