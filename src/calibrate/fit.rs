@@ -38,8 +38,9 @@ pub(super) const STEP: usize = 4;
 pub(super) const SHARED: usize = 5;
 /// The least wobble believed, pixels: with a pedestal to see it by, and without.
 const LEAST_WOBBLE_PX: [f64; 2] = [0.02, 0.25];
-/// The step size is held as tight as this. It is a parameter for what the others make of it: the likelihood takes the
-/// corners of a grain for angles, and is as often wrong by a hundredth of every step as by nothing (`tests/calibration`).
+/// The step size is held as tight as this: it is a parameter only for the others' change with it. Where it was free, the
+/// likelihood took a grain's corners for angles: on 24 misread rigs (`tests/calibration`) the last view's angle was off by up
+/// to 2.1°, with a standard deviation of 0.2°.
 const STEP_HELD: f64 = 1e-7;
 /// The slices of a real grain are not quite what the random functions are: uncertainties are this much larger than
 /// the equations say (measured over many simulated rigs: see `tests/calibration`).

@@ -6,7 +6,7 @@ use super::fit::{
     fit,
 };
 use super::profile::Line;
-use super::turning::{self, Change, Turning};
+use super::turning::{self, Change, STEP_SIZE, Turning};
 use super::{Axis, AxisError, AxisMethod, How, Measured, find_axis};
 use crate::geometry::Angle;
 use crate::silhouette::{Silhouette, Verdict};
@@ -416,7 +416,8 @@ fn unmeasured(views: &[SeenView], known: &Known, start: &Line) -> Calibration {
                 index: v.index,
                 nominal_angle_deg: v.angle.deg(),
                 angle_deg: v.angle.deg(),
-                angle_sigma_deg: VIEW_SIGMA_STEPS * known.full_step_deg,
+                angle_sigma_deg: (VIEW_SIGMA_STEPS * known.full_step_deg)
+                    .hypot(STEP_SIZE * (v.angle - views[0].angle).deg()),
                 offset_px: 0.0,
                 offset_sigma_px: 0.0,
                 residual_px: 0.0,

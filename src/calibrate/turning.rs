@@ -34,7 +34,7 @@ const LARGE_GAIN: f64 = 5.0;
 const CURVATURE_RAD: f64 = 0.15 * RAD_PER_DEG;
 const CURVATURE_GAIN: f64 = 3.0;
 /// How far every step of a stage may be off, as a share (standard deviation): a belt's or a worm's pitch, a gear's teeth.
-const STEP_SIZE: f64 = 0.006;
+pub(super) const STEP_SIZE: f64 = 0.006;
 /// How many places are worked out in full.
 const WORKED_OUT: usize = 4;
 /// A place whose evidence is no more than this below the best one's is as good.

@@ -16,8 +16,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::oneshot;
 use tokio::time::Instant;
 
-/// Places in all. A browser opens at most six; the rest is for whoever comes all at once, so that many must come between a
-/// connection and its first request for it to be sent away unread. A waiting connection takes about 16 KB.
+/// Places in all. A browser opens at most six; the rest is for a crowd: as many must come between a connection and its first
+/// request for it to be sent away unread.
 const PLACES: usize = 2048;
 /// Places of one address; loopback is all of this computer's programs and its users, so it has no less than all.
 const PLACES_OF_ADDRESS: usize = 128;
