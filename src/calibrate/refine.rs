@@ -287,6 +287,12 @@ impl Worked {
             let sigma = Some(distance_sigma_mm(scale, best, sigma));
             Measured { value: Some(scale / best), sigma, how }
         } else {
+            // What was noted is not left out without a word.
+            if let (Some(d), true) = (known.camera_distance_mm, warnings.is_empty()) {
+                warnings.push(format!(
+                    "the camera's distance is given as {d} mm, but {says}: the views are taken for parallel; check the given one"
+                ));
+            }
             Measured::not_observable()
         };
         (measured, says)
