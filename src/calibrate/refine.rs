@@ -273,9 +273,8 @@ impl Worked {
                 "the views look parallel: the camera is farther than {nearest:.0} mm, or the lens is telecentric"
             )
         };
-        if let Some(d) = known.camera_distance_mm
-            && (q - scale / d).abs() > SEEN_SIGMAS * sigma
-        {
+        let refuted = known.camera_distance_mm.filter(|d| (q - scale / d).abs() > SEEN_SIGMAS * sigma);
+        if let Some(d) = refuted {
             warnings.push(format!(
                 "the camera's distance is given as {d} mm, but {says}: the outlines are believed; check the given one"
             ));
@@ -288,7 +287,7 @@ impl Worked {
             Measured { value: Some(scale / best), sigma, how }
         } else {
             // What was noted is not left out without a word.
-            if let (Some(d), true) = (known.camera_distance_mm, warnings.is_empty()) {
+            if let (Some(d), None) = (known.camera_distance_mm, refuted) {
                 warnings.push(format!(
                     "the camera's distance is given as {d} mm, but {says}: the views are taken for parallel; check the given one"
                 ));

@@ -60,7 +60,7 @@ pub struct Arguments {
     friction: f64,
     /// Stop at this force, N; by default, where no approach is given, at 10 N or four times --transition-n,
     /// whichever is more. From four times on it counts as known that the force does not fall below the
-    /// transition again; `δ_i` of a run that stops earlier is preliminary.
+    /// transition again, so a force between the two goes on to there; --to-approach-mm stops wherever it is.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     to_force_n: Option<f64>,
     /// Stop at this approach of the plates, mm.
@@ -152,6 +152,9 @@ pub(super) fn run(common: &Common, a: &Arguments) -> Result<()> {
     say(format!("{elements} tetrahedra, {nodes} nodes, steps of {:.3} ns", 1e9 * step_s));
     if compression.done() > 0.0 {
         say(format!("going on from the checkpoint at {:.0} %", 100.0 * compression.done()));
+    }
+    if let Some(line) = compression.settings().goes_on() {
+        say(line);
     }
     let mut said = None;
     let result = compression.run(&others, &stop, &mut |p| show(&bar, &mut said, &p));

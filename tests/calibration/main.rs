@@ -156,6 +156,9 @@ fn rigs_that_were_misread_state_how_little_they_know() {
             let slips =
                 c.findings.iter().filter(|f| matches!(f.kind, FindingKind::Slip | FindingKind::LostSteps));
             let own = errors_of(&captured, &c);
+            // A noted distance is used, or it is said that it is not.
+            let refused = c.warnings.iter().any(|w| w.starts_with("the camera's distance is given as"));
+            assert!(given.is_none() || c.camera_distance_mm.value.is_some() || refused, "rig {seed}");
             // Where no distance is stated, none is said that is not there.
             let least =
                 c.camera_distance_says.split("farther than ").nth(1).and_then(|s| s.split(' ').next());

@@ -37,13 +37,29 @@ fn longest_number(text: &str) -> (usize, String) {
 fn a_transition_that_may_not_be_the_last_is_not_a_bare_number() {
     let folder = TempDir::new().unwrap();
     let sphere = |more: &[&'static str]| [&SPHERE[..], more].concat();
-    let (text, _, early) = compress(folder.path(), "early", &sphere(&["--to-force-n", "2.3"]));
+    let (text, _, early) = compress(folder.path(), "early", &sphere(&["--to-approach-mm", "0.0025"]));
     assert_eq!(early["transition"]["settled"], false, "{early}");
     assert_eq!(early["transition"]["needed_n"], 8.0);
     assert!(text.contains("preliminary: not known whether the force falls again"), "{text}");
     assert!(early["warnings"].to_string().contains("press on to 8 N"), "{}", early["warnings"]);
     let sheet = std::fs::read_to_string(folder.path().join("early/curve.svg")).unwrap();
     assert!(sheet.contains("preliminary"), "the sheet says so as well");
+
+    // Wherever somebody asks it to stop past the transition, δ_i is the same, and it says how far it went.
+    let delta_i = |name: &str, force: &'static str| {
+        let (_, said, run) = compress(folder.path(), name, &sphere(&["--to-force-n", force]));
+        assert_eq!(run["transition"]["settled"], true, "{force} N: {}", run["transition"]);
+        assert_eq!(said.contains("N asked for to 8 N"), run["settings"].get("goes_on_from_n").is_some());
+        run["delta_i_mm"].as_f64().unwrap()
+    };
+    let just_past = delta_i("just_past", "2.3");
+    assert_eq!(just_past, delta_i("far_past", "10.2"));
+    let sheet = std::fs::read_to_string(folder.path().join("just_past/curve.svg")).unwrap();
+    assert!(sheet.contains("pressed past the 2.3 N asked for to 8 N"));
+    // Short of the transition nothing is read off, and it stops where it was asked to.
+    let (_, said, short) = compress(folder.path(), "short", &sphere(&["--to-force-n", "1.2"]));
+    assert!(short["delta_i_mm"].is_null() && !said.contains("asked for"), "{said}");
+    assert_eq!(short["settings"]["loading"]["to_force_n"], 1.2);
 
     // Nobody says where to stop: far enough to know, wherever the transition is read.
     let (text, _, whole) = compress(folder.path(), "whole", &sphere(&["--transition-n", "3"]));

@@ -43,7 +43,7 @@ pub struct CompressRequest {
     /// Coulomb's friction between plates and grain.
     pub friction: f64,
     /// Stop at this force, N; where neither force nor approach is given, at 10 N, or at four times `transition_n` where that is
-    /// more: below it, `δ_i` is preliminary.
+    /// more. Between the two a run goes on to four times `transition_n`, from where on `δ_i` is known to be the last crossing.
     pub to_force_n: Option<f64>,
     /// Stop at this approach of the plates, mm.
     pub to_approach_mm: Option<f64>,
@@ -135,12 +135,17 @@ impl CompressRequest {
             return Err(ContactError::Setting { name, value, unit, limit, remedy });
         }
         let usual = Loading::default();
+        // Past the transition's force, until it is known that the force does not fall below it again.
+        let settled_n = SETTLED * self.transition_n;
+        let past = |force_n: f64| (self.transition_n..settled_n).contains(&force_n);
+        let to_force_n = match self.to_force_n {
+            Some(asked_n) if past(asked_n) => Some(settled_n),
+            Some(asked_n) => Some(asked_n),
+            None if self.to_approach_mm.is_some() => None,
+            None => usual.to_force_n.map(|usual_n| usual_n.max(settled_n)),
+        };
         let loading = Loading {
-            // Where nobody says, until it is known that the force does not fall below the transition's again.
-            to_force_n: self.to_force_n.or(usual
-                .to_force_n
-                .map(|usual| usual.max(SETTLED * self.transition_n))
-                .filter(|_| self.to_approach_mm.is_none())),
+            to_force_n,
             to_approach_mm: self.to_approach_mm,
             slowest: self.speed * usual.slowest,
             fastest: self.speed * usual.fastest,
@@ -171,6 +176,7 @@ impl CompressRequest {
             sphere_radius_mm: None,
             placed_deg: [0.0; 3],
             transition_n: self.transition_n,
+            goes_on_from_n: self.to_force_n.filter(|&asked_n| past(asked_n)),
             as_given: self.as_given,
             taken_as_given,
         })

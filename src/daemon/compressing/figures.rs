@@ -28,12 +28,28 @@ pub struct CompressSettings {
     pub placed_deg: [f64; 3],
     /// The force at which `δ_i` is read, N.
     pub transition_n: f64,
+    /// The force asked for, N, where the run goes on past it, to four times `transition_n`, so that `δ_i` is known to be the last
+    /// crossing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub goes_on_from_n: Option<f64>,
     /// Whether figures that look like slips of unit are meant so.
     #[serde(default)]
     pub as_given: bool,
     /// Which of them were taken so.
     #[serde(default)]
     pub taken_as_given: Vec<String>,
+}
+
+impl CompressSettings {
+    /// What a person should know of a run that goes on past the force asked for.
+    pub fn goes_on(&self) -> Option<String> {
+        let (asked_n, to_n) = self.goes_on_from_n.zip(self.loading.to_force_n)?;
+        Some(format!(
+            "pressed past the {asked_n} N asked for to {to_n} N, four times the transition's {} N: from there on the force counts as \
+             known not to fall below it again (--to-approach-mm stops anywhere)",
+            self.transition_n
+        ))
+    }
 }
 
 /// The figures of a compression.

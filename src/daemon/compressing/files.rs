@@ -252,6 +252,7 @@ fn sheet(press: &Press, result: &CompressResult, others: &[OtherCurve]) -> Sheet
         s.material.poisson,
         s.friction
     )];
+    figures.extend(s.goes_on());
     figures.extend(
         result.transition.map(|t| format!("delta_i at {} N: {}", s.transition_n, transition_line(&t))),
     );
