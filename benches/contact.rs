@@ -3,9 +3,9 @@
 //! The yardstick is the machine's memory: a triad a = b + s c over arrays far larger than the caches, on as many threads. An
 //! elastic element moves about 150 bytes a step through memory where the mesh is larger than the caches.
 
-use grainrig::contact::{Body, Dynamics, Material, Plates};
-use grainrig::geometry::{Ball, Point};
-use grainrig::mesh::{Controls, mesh};
+use grainrig_core::contact::{Body, Dynamics, Material, Plates};
+use grainrig_core::geometry::{Ball, Point};
+use grainrig_core::mesh::{Controls, mesh};
 use rayon::prelude::*;
 use std::time::Instant;
 

@@ -9,9 +9,9 @@
 mod common;
 
 use common::{median_s, most_memory_mb, tell, views_by};
-use grainrig::geometry::Point;
-use grainrig::hull::{Cone, HullGrid, find_bounds};
 use grainrig::rig::simulated::Settings;
+use grainrig_core::geometry::Point;
+use grainrig_core::hull::{Cone, HullGrid, find_bounds};
 use rayon::prelude::*;
 
 const VIEWS: usize = 25;

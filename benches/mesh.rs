@@ -12,10 +12,10 @@
 mod common;
 
 use common::{median_s, most_memory_mb, tell, views};
-use grainrig::export::{msh, stl};
-use grainrig::geometry::{ImplicitBody, TriangleMesh};
-use grainrig::hull::{VisualHull, find_bounds};
-use grainrig::mesh::{Controls, Distances, Quality, Solid, TetMesh, mesh};
+use grainrig_core::formats::{msh, stl};
+use grainrig_core::geometry::{ImplicitBody, TriangleMesh};
+use grainrig_core::hull::{VisualHull, find_bounds};
+use grainrig_core::mesh::{Controls, Distances, Quality, Solid, TetMesh, mesh};
 use std::process::Command;
 
 /// How many numbers are sorted for the yardstick.

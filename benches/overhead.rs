@@ -14,10 +14,10 @@ mod common;
 mod ptp_camera;
 
 use common::{median_s, rig, tell};
-use grainrig::geometry::Angle;
 use grainrig::rig::{Camera as _, RotationStage as _, simulated::open};
 use grainrig::session::Recording;
 use grainrig::session::event::Happening;
+use grainrig_core::geometry::Angle;
 use ptp_camera::{Personality, PtpCamera, Served, Setup, speaks_ptpip};
 use std::io::Write as _;
 use std::path::Path;

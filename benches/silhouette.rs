@@ -8,9 +8,9 @@
 mod common;
 
 use common::{median_s, rig, tell};
-use grainrig::pipeline::{Photograph, decode};
 use grainrig::rig::{Camera as _, RotationStage as _, simulated::open};
-use grainrig::silhouette::{Histogram, Settings, assess, find};
+use grainrig_core::formats::{Photograph, decode};
+use grainrig_core::silhouette::{Histogram, Settings, assess, find};
 use std::path::Path;
 use std::process::Command;
 

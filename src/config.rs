@@ -2,8 +2,9 @@
 
 use crate::acquire::{AcquireSettings, PlanSettings};
 use crate::pipeline::{self, HullSettings, MeshSettings, ReportSettings, TurntableSettings};
-use crate::plausible::{self, Doubt};
-use crate::{rig, silhouette};
+use crate::rig;
+use grainrig_core::plausible::{self, Doubt};
+use grainrig_core::silhouette;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 

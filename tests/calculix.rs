@@ -1,8 +1,8 @@
 //! The decks that are written run in `CalculiX` and give the forces that mechanics gives.
 
-use grainrig::export::inp;
-use grainrig::geometry::{Ball, Point};
-use grainrig::mesh::{Controls, TetMesh, mesh};
+use grainrig_core::formats::inp;
+use grainrig_core::geometry::{Ball, Point};
+use grainrig_core::mesh::{Controls, TetMesh, mesh};
 use std::fs;
 use std::io::BufWriter;
 use std::path::Path;

@@ -3,9 +3,9 @@
 mod kit;
 
 use grainrig::daemon::{Angles, BodyKind, ScaleRequest, calibrate_scale};
-use grainrig::geometry::Angle;
 use grainrig::rig::simulated::{Settings, open};
 use grainrig::rig::{Camera as _, RotationStage as _};
+use grainrig_core::geometry::Angle;
 use kit::Lab;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -98,7 +98,7 @@ fn error_of(settings: &Settings, angles: &[f64], known: bool) -> (f64, f64) {
         tolerance_mm: 0.0,
         camera_distance_mm: settings.camera_distance_mm.filter(|_| known),
         angles: if known { Angles::Each(angles.to_vec()) } else { Angles::Unknown },
-        silhouette: grainrig::silhouette::Settings::default(),
+        silhouette: grainrig_core::silhouette::Settings::default(),
     };
     let file = calibrate_scale(&request).unwrap();
     let (value, sigma) = (file.mm_per_px.value.unwrap(), file.mm_per_px.sigma.unwrap());

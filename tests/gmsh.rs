@@ -2,9 +2,9 @@
 //!
 //! Gmsh is asked through a Python that has it: `GRAINRIG_GMSH_PYTHON`, or `python3` on the path.
 
-use grainrig::export::msh;
-use grainrig::geometry::{Ball, Point};
-use grainrig::mesh::{Controls, mesh};
+use grainrig_core::formats::msh;
+use grainrig_core::geometry::{Ball, Point};
+use grainrig_core::mesh::{Controls, mesh};
 use std::process::Command;
 
 /// Prints the numbers of triangles and tetrahedra, the physical groups, the least quality (radius ratio) and the volume.

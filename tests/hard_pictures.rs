@@ -1,12 +1,12 @@
 //! Pictures as a laboratory takes them: what must not change the outline is put into pictures of the simulated rig (and
 //! into rendered ones, where they are there), and the outline's area is held against that of the clean picture.
 
-use grainrig::geometry::Angle;
-use grainrig::hull::{Cone, HullGrid, find_bounds};
-use grainrig::pipeline::decode;
 use grainrig::rig::simulated::{self, Settings as Rig};
 use grainrig::rig::{Camera as _, RotationStage as _};
-use grainrig::silhouette::{Found, Picture, Settings, find};
+use grainrig_core::formats::decode;
+use grainrig_core::geometry::Angle;
+use grainrig_core::hull::{Cone, HullGrid, find_bounds};
+use grainrig_core::silhouette::{Found, Picture, Settings, find};
 use std::path::Path;
 use std::process::Command;
 use std::sync::{Arc, OnceLock};

@@ -1,9 +1,9 @@
 //! The volume of pinhole views' hulls of real grains, against a plain loop over all places of a fine lattice.
 
-use grainrig::geometry::{Angle, Point};
-use grainrig::hull::{Cone, HullGrid, find_bounds};
 use grainrig::rig::simulated::{Settings, open};
-use grainrig::silhouette::{self, PedestalMode, Picture};
+use grainrig_core::geometry::{Angle, Point};
+use grainrig_core::hull::{Cone, HullGrid, find_bounds};
+use grainrig_core::silhouette::{self, PedestalMode, Picture};
 use rayon::prelude::*;
 use std::path::Path;
 use std::sync::Arc;

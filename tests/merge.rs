@@ -5,10 +5,10 @@ mod kit;
 use grainrig::acquire::Control;
 use grainrig::config::Config;
 use grainrig::daemon::{self, DaemonError, Finished, Watcher};
-use grainrig::geometry::{Angle, Point, Projection, Vector};
 use grainrig::pipeline::PipelineError;
-use grainrig::register::RegisterError;
 use grainrig::rig::simulated::{self, Coverage, Settings};
+use grainrig_core::geometry::{Angle, Point, Projection, Vector};
+use grainrig_core::register::RegisterError;
 use kit::{Lab, Ran};
 use nalgebra::{Matrix3, Rotation3};
 use rayon::prelude::*;
@@ -302,7 +302,8 @@ fn the_program_merges_two_sessions_and_says_how() {
     assert!(number(&m["axes_apart_deg"]) > 85.0 && number(&m["rotation_deg"]) <= 180.0, "{m}");
     assert_eq!((json["views"].as_u64(), json["view_details"].as_array().unwrap().len()), (Some(50), 50));
     let surface =
-        grainrig::export::stl::read(&kit::read(&lab.session("one").join("products/grain.stl"))).unwrap();
+        grainrig_core::formats::stl::read(&kit::read(&lab.session("one").join("products/grain.stl")))
+            .unwrap();
     surface.check().unwrap();
 
     lab.run(&["merge", "a", "b", "--out", "one"]).fails(2, &["one", "is there already", "--out"]);

@@ -1,8 +1,8 @@
 //! `grainrig mesh` as a person uses it.
 
-use grainrig::export::stl;
-use grainrig::geometry::{Ball, Point, TriangleMesh};
-use grainrig::mesh::{Controls, mesh};
+use grainrig_core::formats::stl;
+use grainrig_core::geometry::{Ball, Point, TriangleMesh};
+use grainrig_core::mesh::{Controls, mesh};
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::fs;
@@ -164,7 +164,8 @@ fn surfaces_without_an_inside_and_controls_that_contradict_are_refused() {
     // The same ball again, a third of its diameter aside.
     let mut two = whole.clone();
     let n = whole.vertices.len() as u32;
-    two.vertices.extend(whole.vertices.iter().map(|p| p + grainrig::geometry::Vector::new(0.3, 0.01, 0.02)));
+    two.vertices
+        .extend(whole.vertices.iter().map(|p| p + grainrig_core::geometry::Vector::new(0.3, 0.01, 0.02)));
     two.triangles.extend(whole.triangles.iter().map(|t| t.map(|v| v + n)));
     save("two.stl", &two);
     // A sheet with a back.
@@ -408,7 +409,7 @@ fn a_shift_that_leaves_enough_digits_changes_nothing_but_the_place() {
         let sizes = ["--surface-size-mm", "0.1", "--out", "made.inp", "--force", "--json"];
         let out = grainrig(at, &[&["mesh", name][..], &sizes[..]].concat());
         assert!(out.status.success(), "{name}: {}", String::from_utf8_lossy(&out.stderr));
-        let made = grainrig::export::inp_read::read(&fs::read(at.join("made.inp")).unwrap()).unwrap();
+        let made = grainrig_core::formats::inp_read::read(&fs::read(at.join("made.inp")).unwrap()).unwrap();
         assert_eq!(made.check(), Ok(()));
         let x = made.nodes.iter().map(|p| p.x).sum::<f64>() / made.nodes.len() as f64;
         (serde_json::from_slice(&out.stdout).unwrap(), x)

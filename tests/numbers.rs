@@ -6,10 +6,10 @@
 #[path = "kit/mod.rs"]
 mod kit;
 
-use grainrig::geometry::Angle;
 use grainrig::pipeline::{Cameras, Pipeline, Settings, TurntableSettings, View};
 use grainrig::session::event::{CapturedView, Happening, Role};
 use grainrig::session::{check_finite, sha256_hex, to_json};
+use grainrig_core::geometry::Angle;
 use kit::Lab;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};

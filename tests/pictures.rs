@@ -2,8 +2,8 @@
 
 mod kit;
 
-use grainrig::report::{Marks, Shot};
-use grainrig::silhouette::{Picture, Settings, find};
+use grainrig_core::report::{Marks, Shot};
+use grainrig_core::silhouette::{Picture, Settings, find};
 use image::RgbImage;
 use kit::{Lab, files, read};
 use std::path::Path;

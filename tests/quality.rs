@@ -1,10 +1,10 @@
 //! The verdicts on views: none on hundreds of clean ones, and the right one where something is wrong.
 
-use grainrig::geometry::Angle;
-use grainrig::pipeline::decode;
 use grainrig::rig::simulated::{self, Faults, Settings};
 use grainrig::rig::{Camera as _, RotationStage as _};
-use grainrig::silhouette::{
+use grainrig_core::formats::decode;
+use grainrig_core::geometry::Angle;
+use grainrig_core::silhouette::{
     self, Check, Picture, Placed, Source, Traits, Verdict, ViewQuality, against, assess, between,
 };
 use rayon::prelude::*;

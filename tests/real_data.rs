@@ -32,7 +32,7 @@ fn import(folder: &Path, pattern: &str, geometry: &[&str]) -> Value {
     let result: Value = serde_json::from_slice(&run.stdout).unwrap();
 
     let bytes = std::fs::read(result["products"]["stl"].as_str().unwrap()).unwrap();
-    let surface = grainrig::export::stl::read(&bytes).unwrap();
+    let surface = grainrig_core::formats::stl::read(&bytes).unwrap();
     surface.check().unwrap();
     assert_eq!(surface.triangles.len() as u64, result["mesh"]["triangles"].as_u64().unwrap());
     assert!(result["mesh"]["tetrahedra"].as_u64().unwrap() > 10_000);

@@ -1,9 +1,9 @@
 //! Silhouettes of rendered pictures against the projection of the very grain that was rendered. The data are not part
 //! of the project; where they are not there, each test says so and passes.
 
-use grainrig::export::stl;
-use grainrig::pipeline::decode;
-use grainrig::silhouette::{Found, Picture, Settings, Source, find};
+use grainrig_core::formats::decode;
+use grainrig_core::formats::stl;
+use grainrig_core::silhouette::{Found, Picture, Settings, Source, find};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 

@@ -1,6 +1,5 @@
 //! The journal and the folder of a session: whatever happens to the bytes, what is read is what was written.
 
-use grainrig::geometry::Angle;
 use grainrig::rig::{Encoding, Frame, OtherFile};
 use grainrig::session::event::{CapturedView, Happening, Role};
 use grainrig::session::import::{ImportRequest, scan};
@@ -9,6 +8,7 @@ use grainrig::session::{
     Fault, Manifest, Origin, Plan, PlannedView, Recording, Session, SessionError, State, Store, check_name,
     check_space, free_bytes, required_bytes, verify,
 };
+use grainrig_core::geometry::Angle;
 use image::{DynamicImage, ImageFormat, RgbImage};
 use proptest::prelude::*;
 use std::io::{Cursor, Write as _};

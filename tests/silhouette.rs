@@ -1,7 +1,11 @@
 //! Silhouettes of pictures whose outline is known.
 
-use grainrig::silhouette::{
-    Channel, Found, Holes, PedestalMode, Picture, Polarity, Settings, SilhouetteError, Source, find,
+use grainrig::rig::{Camera as _, RotationStage as _, simulated};
+use grainrig_core::formats::{Photograph, decode};
+use grainrig_core::geometry::Angle;
+use grainrig_core::silhouette::{
+    Channel, Found, Holes, PedestalMode, Picture, Polarity, Settings, Silhouette, SilhouetteError, Source,
+    find,
 };
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -375,5 +379,61 @@ proptest! {
                 prop_assert!(found.silhouette.origin[1] + found.silhouette.size[1] <= height);
             }
         }
+    }
+}
+
+/// Area of what is inside both over that of what is inside either.
+fn overlap(a: &Silhouette, b: &Silhouette) -> f64 {
+    let (mut both, mut either) = (0, 0);
+    for y in 0..a.picture[1] {
+        for x in 0..a.picture[0] {
+            let (a, b) = (a.contains(x, y), b.contains(x, y));
+            (both, either) = (both + u32::from(a && b), either + u32::from(a || b));
+        }
+    }
+    f64::from(both) / f64::from(either)
+}
+
+/// A colour JPEG of a smooth picture with something round in it.
+fn shaded([width, height]: [usize; 2]) -> Vec<u8> {
+    let (cx, cy, r) = (0.4 * width as f64, 0.5 * height as f64, 0.3 * height as f64);
+    let pixel = |k: usize| {
+        let (x, y) = ((k % width) as f64, (k / width) as f64);
+        let part = ((x - cx).hypot(y - cy) - r).clamp(0.0, 1.0);
+        [200.0, 180.0, 150.0].map(|v| (60.0 + part * (v - 60.0) + 20.0 * x / width as f64) as u8)
+    };
+    let pixels: Vec<u8> = (0..width * height).flat_map(pixel).collect();
+    let mut bytes = Vec::new();
+    let encoder = jpeg_encoder::Encoder::new(&mut bytes, 92);
+    encoder.encode(&pixels, width as u16, height as u16, jpeg_encoder::ColorType::Rgb).unwrap();
+    bytes
+}
+
+#[test]
+fn silhouettes_of_a_jpeg_are_those_of_the_decoded_picture() {
+    let rig = simulated::Settings { width: 2592, height: 1728, ..Default::default() };
+    let (mut stage, mut camera, _) = simulated::open(&rig).unwrap();
+    stage.home().unwrap();
+    let empty = shaded([rig.width, rig.height]);
+    for degrees in [0.0, 57.6, 144.0] {
+        stage.move_to(Angle::from_deg(degrees)).unwrap();
+        let bytes = camera.capture().unwrap().bytes;
+        let photograph = Photograph::open(&bytes).unwrap();
+        assert!(photograph.at_hand().is_none());
+        let settings = Settings::default();
+        let own = find(&photograph, None, &settings).unwrap();
+        let other = find(&decode(&bytes).unwrap(), None, &settings).unwrap();
+        let (a, b) = (own.report.area_px, other.report.area_px);
+        assert!((a / b - 1.0).abs() < 5e-4, "{degrees}°: {a}, not {b} px");
+        let iou = overlap(&own.silhouette, &other.silhouette);
+        assert!(iou >= 0.9995, "{degrees}°: {iou}");
+        // Another size of picture is no background.
+        let small = decode(&shaded([1200, 40])).unwrap();
+        assert!(find(&photograph, Some(&small), &settings).is_err());
+        // Whichever of the two is decoded, the empty stage is compared with the picture.
+        let stage = Photograph::open(&empty).unwrap();
+        let stages: [&dyn Source; 2] = [&stage, &*stage.pixels().unwrap()];
+        let found = stages.map(|stage| find(&photograph, Some(stage), &settings).map(|f| f.report.channel));
+        assert_eq!(found[0], found[1]);
     }
 }

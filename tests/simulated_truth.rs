@@ -2,9 +2,9 @@
 
 mod kit;
 
-use grainrig::geometry::{Angle, Point, Projection};
 use grainrig::rig::simulated::{Coverage, Truth, TruthHandle, open};
 use grainrig::session::event::Role;
+use grainrig_core::geometry::{Angle, Point, Projection};
 use kit::Lab;
 use rayon::prelude::*;
 use serde_json::Value;

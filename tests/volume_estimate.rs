@@ -6,9 +6,9 @@
 
 mod kit;
 
-use grainrig::export::stl;
-use grainrig::geometry::{Point, TriangleMesh};
 use grainrig::rig::simulated::Truth;
+use grainrig_core::formats::stl;
+use grainrig_core::geometry::{Point, TriangleMesh};
 use kit::Lab;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use serde_json::Value;

@@ -1,9 +1,9 @@
 //! What the benches share: the grain, its views, and how a time is taken and told.
 
-use grainrig::geometry::Angle;
-use grainrig::hull::Cone;
 use grainrig::rig::simulated::{Settings, TruthHandle, open};
-use grainrig::silhouette::{self, PedestalMode, Picture};
+use grainrig_core::geometry::Angle;
+use grainrig_core::hull::Cone;
+use grainrig_core::silhouette::{self, PedestalMode, Picture};
 use std::sync::Arc;
 use std::time::Instant;
 

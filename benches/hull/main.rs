@@ -11,8 +11,8 @@ mod common;
 mod slices;
 
 use common::{median_s, tell, views};
-use grainrig::geometry::Point;
-use grainrig::hull::{Cone, HullGrid, find_bounds};
+use grainrig_core::geometry::Point;
+use grainrig_core::hull::{Cone, HullGrid, find_bounds};
 
 const VIEWS: usize = 25;
 

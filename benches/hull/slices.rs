@@ -6,11 +6,11 @@
 //! ten operations a half-plane, and the voxels are written once (16 MiB at 512³, 128 MiB at 1024³).
 
 use super::common::{median_s, tell};
-use grainrig::calibrate::Turntable;
-use grainrig::geometry::{Angle, Point, Projection};
-use grainrig::hull::Cone;
-use grainrig::hull::slices::{BitMask, Ladder, SlicedHull, Strips, VoxelGrid};
-use grainrig::silhouette::Silhouette;
+use grainrig_core::calibrate::Turntable;
+use grainrig_core::geometry::{Angle, Point, Projection};
+use grainrig_core::hull::Cone;
+use grainrig_core::hull::slices::{BitMask, Ladder, SlicedHull, Strips, VoxelGrid};
+use grainrig_core::silhouette::Silhouette;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::sync::Arc;

@@ -4,11 +4,11 @@ use super::clock::Clock;
 use super::control::{Control, Phase};
 use super::error::AcquireError;
 use super::sink::{Fate, FrameSink};
-use crate::geometry::Angle;
 use crate::rig::{Camera, Frame, RigError, RotationStage};
 use crate::session::event::Happening;
 use crate::session::picture::{Size, probe};
 use crate::session::{Plan, PlannedView, as_recorded};
+use grainrig_core::geometry::Angle;
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 

@@ -1,10 +1,10 @@
 //! Where a run's pictures and events go.
 
-use crate::geometry::Angle;
 use crate::rig::Frame;
 use crate::session::event::{CapturedView, Happening};
 use crate::session::picture::{Size, probe};
 use crate::session::{PlannedView, Session, SessionError};
+use grainrig_core::geometry::Angle;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{Scope, ScopedJoinHandle};

@@ -3,10 +3,10 @@
 use super::output::{print, print_json};
 use super::{Common, help, usage};
 use crate::daemon::{Angles, BodyKind, ScaleFile, ScaleRequest, calibrate_scale};
-use crate::plausible::{self, Doubt};
 use crate::session::{to_json, write_whole};
 use anyhow::{Context as _, Result};
 use clap::{Args, Subcommand};
+use grainrig_core::plausible::{self, Doubt};
 use std::path::{Path, PathBuf};
 
 /// Options of `calibrate`.

@@ -4,18 +4,18 @@ use super::mesh::Unit;
 use super::mesh_files::outwards;
 use super::output::{print, print_json, say};
 use super::{Common, usage};
-use crate::contact::ContactError;
-use crate::contact::CurvePoint;
-use crate::contact::experiment::{self, Compliance};
 use crate::daemon::{
     CompressInput, CompressMaterial, CompressProgress, CompressRequest, CompressResult, Compression,
     DaemonError, OtherCurve, experiment_lines, transition_line,
 };
-use crate::export::{inp_read, msh, stl};
-use crate::geometry::TriangleMesh;
 use crate::session::Recording;
 use anyhow::{Context as _, Result, bail};
 use clap::Args;
+use grainrig_core::contact::ContactError;
+use grainrig_core::contact::CurvePoint;
+use grainrig_core::contact::experiment::{self, Compliance};
+use grainrig_core::formats::{inp_read, msh, stl};
+use grainrig_core::geometry::TriangleMesh;
 use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};

@@ -6,15 +6,15 @@ use super::progress::Progress;
 use super::reconstruct::MeshOptions;
 use super::{Common, usage};
 use crate::daemon::{self, Finished};
-use crate::export::{inp, inp_read};
-use crate::geometry::Aabb;
-use crate::mesh::{Controls, Distances, mesh};
 use crate::pipeline::MeshResult;
-use crate::plausible::{self, Doubt};
-use crate::report::{Sheet, mesh_sheet};
 use crate::session::{sha256_hex, to_json_value};
 use anyhow::{Context as _, Result};
 use clap::Args;
+use grainrig_core::formats::{inp, inp_read};
+use grainrig_core::geometry::Aabb;
+use grainrig_core::mesh::{Controls, Distances, mesh};
+use grainrig_core::plausible::{self, Doubt};
+use grainrig_core::report::{Sheet, mesh_sheet};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -257,7 +257,7 @@ impl Said<'_> {
         ]
     }
 
-    fn sheet(&self, mesh: &crate::mesh::TetMesh, title: &str) -> Sheet {
+    fn sheet(&self, mesh: &grainrig_core::mesh::TetMesh, title: &str) -> Sheet {
         // The time it took is left out: the same input gives the same file.
         let figures = self.lines(0.0).iter().map(|l| l.replace(" in 0.00 s", "").trim().to_owned()).collect();
         mesh_sheet(title.to_owned(), &mesh.spread(), &mesh.quality(), figures)

@@ -3,13 +3,13 @@
 use super::mesh::Unit;
 use super::output::say;
 use super::usage;
-use crate::export::{glb, inp, inp_read, msh, nrrd, ply, stl, vtu};
-use crate::geometry::{Aabb, ImplicitBody, Point, TriangleMesh, Vector};
-use crate::mesh::{MOST_TRIANGLES, MeshError, Solid, TetMesh, Voxels, check_extent};
-use crate::report::Sheet;
 use crate::session::write_whole;
 use crate::system::FileError;
 use anyhow::{Context as _, Result, anyhow};
+use grainrig_core::formats::{glb, inp, inp_read, msh, nrrd, ply, stl, vtu};
+use grainrig_core::geometry::{Aabb, ImplicitBody, Point, TriangleMesh, Vector};
+use grainrig_core::mesh::{MOST_TRIANGLES, MeshError, Solid, TetMesh, Voxels, check_extent};
+use grainrig_core::report::Sheet;
 use std::io::Read as _;
 use std::path::Path;
 

@@ -1,9 +1,9 @@
 //! The command that a person will want next, as it can be typed where this one was.
 
 use super::{Common, DATA};
-use crate::calibrate::FindingKind;
 use crate::daemon::Finished;
 use crate::session::Store;
+use grainrig_core::calibrate::FindingKind;
 use std::path::Path;
 
 /// The line under a session's result: what was captured is pressed next, unless it has to be captured again.

@@ -3,13 +3,13 @@
 use super::mesh::{Unit, body_doubt};
 use super::output::{print, print_json};
 use super::{Common, help, progress, usage};
-use crate::export::stl;
-use crate::geometry::TriangleMesh;
-use crate::plausible::{self, Doubt};
 use crate::session::write_whole;
-use crate::study::{Body, Row, Study, StudyError, curves, sensitivity, shapes, silhouettes, table};
 use anyhow::{Context as _, Result};
 use clap::{Args, Subcommand};
+use grainrig_core::formats::stl;
+use grainrig_core::geometry::TriangleMesh;
+use grainrig_core::plausible::{self, Doubt};
+use grainrig_core::study::{Body, Row, Study, StudyError, curves, sensitivity, shapes, silhouettes, table};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 

@@ -1,7 +1,6 @@
 //! The rig of a configuration, opened; and what is there to be opened.
 
 use crate::config::{CameraKind, Config, Release, RigKind, StageKind};
-use crate::geometry::Angle;
 use crate::rig::discovery::{Role, discover};
 use crate::rig::gphoto::{GphotoCamera, Launch};
 use crate::rig::simulated::{self, Before, TruthHandle};
@@ -9,6 +8,7 @@ use crate::rig::v4l::V4lCamera;
 use crate::rig::{Camera, RigError, RotationStage, controller, grbl};
 use crate::session::Recording;
 use crate::session::event::Happening;
+use grainrig_core::geometry::Angle;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 

@@ -3,11 +3,11 @@
 use super::devices::{Rig, open};
 use crate::acquire::PlanSettings;
 use crate::config::{CameraKind, Config, RigKind, StageKind};
-use crate::geometry::Angle;
 use crate::rig::discovery::{Found, discover, runs};
 use crate::rig::{Camera, RigError, RotationStage};
 use crate::session::picture::probe;
 use crate::session::{free_bytes, required_bytes};
+use grainrig_core::geometry::Angle;
 use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;

@@ -3,9 +3,9 @@
 use super::DaemonError;
 use super::devices::open_camera;
 use crate::config::Config;
-use crate::pipeline::decode;
 use crate::rig::{Frame, RigError};
-use crate::silhouette::{assess, find, sharpness};
+use grainrig_core::formats::decode;
+use grainrig_core::silhouette::{assess, find, sharpness};
 use serde::Serialize;
 use std::ops::ControlFlow;
 

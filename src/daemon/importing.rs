@@ -4,9 +4,9 @@ use super::recorded::{computation, compute, conclude};
 use super::{DaemonError, Finished, Watcher};
 use crate::config::Config;
 use crate::pipeline::{Cameras, LengthUnit, TurntableSettings};
-use crate::plausible;
 use crate::session::Store;
 use crate::session::import::{ImportRequest, scan};
+use grainrig_core::plausible;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 

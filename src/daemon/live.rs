@@ -9,7 +9,6 @@ use super::recorded::{
 use super::{DaemonError, Watcher};
 use crate::acquire::{self, Control, Judge, Outcome, QualityMode, SessionSink, SystemClock};
 use crate::config::{CameraKind, Config, ConfigError, RigKind, ServeSettings};
-use crate::geometry::Angle;
 use crate::pipeline::{Cameras, CutOut, Gate, MeshSettings, Reconstruction, View};
 use crate::rig::Frame;
 use crate::rig::simulated::TruthHandle;
@@ -18,6 +17,7 @@ use crate::session::replay::replay as play;
 use crate::session::{
     Manifest, Origin, PlannedView, Session, State, Store, check_space, damage, required_bytes, write_whole,
 };
+use grainrig_core::geometry::Angle;
 use std::path::Path;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Arc, Mutex};

@@ -33,14 +33,14 @@ pub use scale_file::{BodyKind, GivenScale, PictureScale, ScaleFile};
 pub use scaling::{Angles, ScaleRequest, calibrate_scale};
 
 use crate::acquire::AcquireError;
-use crate::calibrate::ScaleError;
 use crate::config::ConfigError;
-use crate::contact::ContactError;
-use crate::export::ExportError;
 use crate::pipeline::PipelineError;
 use crate::rig::RigError;
 use crate::session::event::Event;
 use crate::session::{Fault, SessionError};
+use grainrig_core::calibrate::ScaleError;
+use grainrig_core::contact::ContactError;
+use grainrig_core::formats::ExportError;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -84,7 +84,7 @@ pub enum DaemonError {
     Contact(#[from] ContactError),
     /// A body that cannot be meshed.
     #[error(transparent)]
-    Mesh(crate::mesh::MeshError),
+    Mesh(grainrig_core::mesh::MeshError),
     /// A file of the compression could not be made.
     #[error(transparent)]
     Export(#[from] ExportError),
@@ -113,7 +113,7 @@ pub enum DaemonError {
     },
     /// A figure that looks like a slip of unit.
     #[error(transparent)]
-    Doubt(#[from] crate::plausible::Doubt),
+    Doubt(#[from] grainrig_core::plausible::Doubt),
     /// A product could not be written.
     #[error("cannot write {}: {source}; {}; then `grainrig reconstruct`", path.display(), crate::system::remedy(source))]
     Write {

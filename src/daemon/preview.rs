@@ -1,9 +1,10 @@
 //! Recorded pictures for the screen: a DSLR's file is megabytes, and the grain in it a speck.
 
 use super::DaemonError;
-use crate::pipeline::{PipelineError, decode};
+use crate::pipeline::PipelineError;
 use crate::session::{Recording, sha256_hex};
-use crate::silhouette::{self, Picture};
+use grainrig_core::formats::decode;
+use grainrig_core::silhouette::{self, Picture};
 use jpeg_encoder::{ColorType, Encoder};
 use std::sync::{Arc, Mutex, PoisonError};
 

@@ -4,14 +4,13 @@ use super::finish::{self, Finished, Made};
 use super::{DaemonError, Watcher, merging};
 use crate::acquire::{self, Control, Earlier, Fate, FrameSink, Outcome, QualityMode, SystemClock};
 use crate::config::Config;
-use crate::geometry::Angle;
-use crate::pipeline::{
-    Cameras, MeshSettings, OUTLINE, Photograph, Pipeline, PipelineError, Reconstruction, View,
-};
+use crate::pipeline::{Cameras, MeshSettings, OUTLINE, Pipeline, PipelineError, Reconstruction, View};
 use crate::rig::Frame;
 use crate::session::event::{Event, Happening};
 use crate::session::replay::replay as play;
 use crate::session::{Origin, Plan, PlannedView, Recording, Session, SessionError};
+use grainrig_core::formats::Photograph;
+use grainrig_core::geometry::Angle;
 use std::path::Path;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};

@@ -1,8 +1,8 @@
 //! The file of a measured scale: what `calibrate scale` writes and `import` and `capture` read.
 
 use super::DaemonError;
-use crate::calibrate::{How, Measured, Parts};
 use crate::session::read_named;
+use grainrig_core::calibrate::{How, Measured, Parts};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

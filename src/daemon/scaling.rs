@@ -2,11 +2,12 @@
 
 use super::DaemonError;
 use super::scale_file::{BodyKind, PictureScale, ScaleFile};
-use crate::calibrate::{Gauge, ScaleError, Sighting, fit_disc, fit_sides, pixel_size};
-use crate::geometry::Angle;
-use crate::pipeline::{PipelineError, decode};
+use crate::pipeline::PipelineError;
 use crate::session::import::{SourceImage, photographs};
-use crate::silhouette::{self, Found, PedestalMode, Picture, Side, Source};
+use grainrig_core::calibrate::{Gauge, ScaleError, Sighting, fit_disc, fit_sides, pixel_size};
+use grainrig_core::formats::decode;
+use grainrig_core::geometry::Angle;
+use grainrig_core::silhouette::{self, Found, PedestalMode, Picture, Side, Source};
 use std::path::PathBuf;
 
 /// How far all outlines may lie to one side of the true edge, as a share of their blur's standard deviation. Half-way

@@ -3,9 +3,9 @@
 use super::reconstruct::Taken;
 use super::result::AxisResult;
 use super::{Cameras, PipelineError, TurntableSettings};
-use crate::calibrate::{self, Calibration, Known, SeenView, Upright, calibrate};
-use crate::geometry::Projection;
-use crate::silhouette::{Silhouette, Stand, Verdict};
+use grainrig_core::calibrate::{self, Calibration, Known, SeenView, Upright, calibrate};
+use grainrig_core::geometry::Projection;
+use grainrig_core::silhouette::{Silhouette, Stand, Verdict};
 
 /// The cameras, and what was measured to get them.
 pub(super) struct Measured {
@@ -37,7 +37,7 @@ pub(super) fn cameras_of(
         Cameras::Turntable(table) => table,
     };
     if taken.is_empty() {
-        return Err(crate::hull::HullError::NoViews.into());
+        return Err(grainrig_core::hull::HullError::NoViews.into());
     }
     let origin_row_px = stand.map_or_else(
         || {

@@ -1,7 +1,7 @@
 //! How the hull's volume falls as views are added: whether more of them would be worth it.
 
-use crate::hull::{Cone, HullGrid, find_bounds};
-use crate::report::{Mark, Panel, Point, Series, Sheet};
+use grainrig_core::hull::{Cone, HullGrid, find_bounds};
+use grainrig_core::report::{Mark, Panel, Point, Series, Sheet};
 use rayon::prelude::*;
 use serde::Serialize;
 

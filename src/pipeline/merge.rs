@@ -3,11 +3,11 @@
 use super::products::of_mesh;
 use super::result::{HullMethod, HullResult, MeshResult, ResultFile, ViewResult};
 use super::{Observer, PipelineError, Product, SeenPose, Settings};
-use crate::geometry::{Aabb, Point};
-use crate::hull::{Cone, HullError, HullGrid, VisualHull, silhouette_iou};
-use crate::mesh::{Controls, TetMesh, mesh};
-use crate::register::{Motion, PoseView, Registration, Rival, Unfilled, register};
 use crate::session::event::Happening;
+use grainrig_core::geometry::{Aabb, Point};
+use grainrig_core::hull::{Cone, HullError, HullGrid, VisualHull, silhouette_iou};
+use grainrig_core::mesh::{Controls, TetMesh, mesh};
+use grainrig_core::register::{Motion, PoseView, Registration, Rival, Unfilled, register};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::BTreeMap;

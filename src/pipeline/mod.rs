@@ -6,8 +6,6 @@
 
 mod cameras;
 mod convergence;
-mod decode;
-mod jpeg;
 mod merge;
 mod pictures;
 mod pose;
@@ -20,8 +18,6 @@ mod stand;
 mod stream;
 
 pub use convergence::{CONVERGENCE, Convergence};
-pub use decode::{Photograph, decode};
-pub use jpeg::Jpeg;
 pub use merge::{MergeResult, Merged, PoseResult, merge};
 pub use pictures::{OUTLINE, SHEET};
 pub use pose::SeenPose;
@@ -35,12 +31,12 @@ pub use settings::{
 pub use stand::ContactPatch;
 pub use stream::{CutOut, Observer, Pipeline, View};
 
-use crate::calibrate::AxisError;
-use crate::export::ExportError;
-use crate::hull::HullError;
-use crate::mesh::MeshError;
-use crate::register::RegisterError;
-use crate::silhouette::SilhouetteError;
+use grainrig_core::calibrate::AxisError;
+use grainrig_core::formats::ExportError;
+use grainrig_core::hull::HullError;
+use grainrig_core::mesh::MeshError;
+use grainrig_core::register::RegisterError;
+use grainrig_core::silhouette::SilhouetteError;
 
 /// Why there is no result.
 #[derive(Debug, thiserror::Error)]
@@ -111,7 +107,7 @@ pub enum PipelineError {
     },
     /// A figure that looks like a slip of unit.
     #[error(transparent)]
-    Doubt(#[from] crate::plausible::Doubt),
+    Doubt(#[from] grainrig_core::plausible::Doubt),
     /// A setting is outside its limits.
     #[error(
         "{name} is {value} {unit}, it must be {limit}; change it in the configuration or on the command line"

@@ -2,9 +2,9 @@
 
 use super::result::{AxisResult, ViewResult};
 use super::{Cameras, PipelineError, Product, Taken};
-use crate::calibrate::{Calibration, Measured};
-use crate::report::{Mark, Marks, Panel, Point, Series, Sheet};
 use crate::session::event::Role;
+use grainrig_core::calibrate::{Calibration, Measured};
+use grainrig_core::report::{Mark, Marks, Panel, Point, Series, Sheet};
 use rayon::prelude::*;
 
 /// The sheet's name, without its endings.

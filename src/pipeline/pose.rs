@@ -6,10 +6,10 @@ use super::reconstruct::{MOST_DEFAULT_CELLS, Taken};
 use super::result::ViewResult;
 use super::stand::{self, mixed_px};
 use super::{Cameras, LengthUnit, Observer, Pipeline, PipelineError, View};
-use crate::geometry::Projection;
-use crate::hull::{Cone, HullGrid, Measures, find_bounds};
-use crate::register::{Cut, Pose, PoseView};
 use crate::session::event::Role;
+use grainrig_core::geometry::Projection;
+use grainrig_core::hull::{Cone, HullGrid, Measures, find_bounds};
+use grainrig_core::register::{Cut, Pose, PoseView};
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 

@@ -3,9 +3,9 @@
 use super::convergence::{CONVERGENCE, drawn};
 use super::pictures::{SHEET, sheet_files};
 use super::{PipelineError, Reconstruction};
-use crate::export::{inp, stl, vtu};
-use crate::mesh::{Controls, TetMesh};
-use crate::report::Sheet;
+use grainrig_core::formats::{inp, stl, vtu};
+use grainrig_core::mesh::{Controls, TetMesh};
+use grainrig_core::report::Sheet;
 
 /// One product.
 #[derive(Debug, Clone)]

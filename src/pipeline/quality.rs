@@ -4,9 +4,9 @@
 use super::reconstruct::Taken;
 use super::stream::CutOut;
 use super::{Cameras, Observer, Pipeline, PipelineError, View};
-use crate::geometry::Angle;
 use crate::session::event::Happening;
-use crate::silhouette::{Check, Placed, Traits, Verdict, ViewQuality, against, between};
+use grainrig_core::geometry::Angle;
+use grainrig_core::silhouette::{Check, Placed, Traits, Verdict, ViewQuality, against, between};
 
 /// Sentences about single views in a result, at most; the views' own checks have them all.
 const MOST_WARNINGS: usize = 12;

@@ -5,16 +5,16 @@ use super::convergence::convergence;
 use super::result::{AxisResult, HullMethod, HullResult, MeshResult, ResultFile, Timing, ViewResult};
 use super::stand::contact_patch;
 use super::{Cameras, LengthUnit, Observer, PipelineError, Product, Settings, TurntableSettings, pictures};
-use crate::calibrate::{Calibration, Turntable};
-use crate::geometry::Angle;
-use crate::hull::estimate::{Known, estimate};
-use crate::hull::slices::{SliceError, SlicedHull};
-use crate::hull::{Cone, HullGrid, VisualHull, find_bounds, silhouette_iou};
-use crate::mesh::{Controls, TetMesh, mesh};
-use crate::plausible::{self, Doubt};
-use crate::report::{Sheet, Shot};
 use crate::session::event::{Happening, Role};
-use crate::silhouette::{Found, Silhouette, Stand, Traits, ViewQuality};
+use grainrig_core::calibrate::{Calibration, Turntable};
+use grainrig_core::geometry::Angle;
+use grainrig_core::hull::estimate::{Known, estimate};
+use grainrig_core::hull::slices::{SliceError, SlicedHull};
+use grainrig_core::hull::{Cone, HullGrid, VisualHull, find_bounds, silhouette_iou};
+use grainrig_core::mesh::{Controls, TetMesh, mesh};
+use grainrig_core::plausible::{self, Doubt};
+use grainrig_core::report::{Sheet, Shot};
+use grainrig_core::silhouette::{Found, Silhouette, Stand, Traits, ViewQuality};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
@@ -179,7 +179,8 @@ pub(super) fn reconstruct(
     let mut grid = HullGrid::new(&bounds, settings.hull.voxel_mm.unwrap_or(by_default))?;
     grid.carve_all(&cones, &mut |done| working("hull", done));
     let measures = grid.measures();
-    let tight = measures.bounding_box_mm.ok_or(crate::hull::HullError::Empty { views: cones.len() })?;
+    let tight =
+        measures.bounding_box_mm.ok_or(grainrig_core::hull::HullError::Empty { views: cones.len() })?;
     let voxels = grid.count_voxels();
     let volume = match SlicedHull::of_cones(&cones) {
         Ok(slices) => (HullMethod::ExactSlices, slices.volume_mm3()),

@@ -3,12 +3,12 @@
 use super::convergence::Convergence;
 use super::merge::MergeResult;
 use super::stand::ContactPatch;
-use crate::calibrate::{AxisMethod, Calibration};
-use crate::geometry::Aabb;
-use crate::hull::estimate::{Share, Signs, VolumeEstimate};
-use crate::hull::{Measures, VoxelCount};
-use crate::mesh::{Controls, Dihedral, TetMesh};
-use crate::silhouette::{Report, Stand, ViewQuality};
+use grainrig_core::calibrate::{AxisMethod, Calibration};
+use grainrig_core::geometry::Aabb;
+use grainrig_core::hull::estimate::{Share, Signs, VolumeEstimate};
+use grainrig_core::hull::{Measures, VoxelCount};
+use grainrig_core::mesh::{Controls, Dihedral, TetMesh};
+use grainrig_core::silhouette::{Report, Stand, ViewQuality};
 use serde::Serialize;
 use std::collections::BTreeMap;
 

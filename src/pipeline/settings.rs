@@ -1,10 +1,10 @@
 //! What a person may set about the computation.
 
 use super::PipelineError;
-use crate::geometry::Projection;
-use crate::mesh::Controls;
-use crate::plausible::{self, Doubt, share_of, volume_share_of};
-use crate::silhouette;
+use grainrig_core::geometry::Projection;
+use grainrig_core::mesh::Controls;
+use grainrig_core::plausible::{self, Doubt, share_of, volume_share_of};
+use grainrig_core::silhouette;
 use serde::{Deserialize, Serialize};
 
 /// Settings of the computation; every part has defaults.
@@ -239,7 +239,7 @@ impl Settings {
         if let Some(v) = self.hull.voxel_mm
             && !(v.is_finite() && v > 0.0)
         {
-            return Err(crate::hull::HullError::Voxel(v).into());
+            return Err(grainrig_core::hull::HullError::Voxel(v).into());
         }
         self.mesh.controls(1.0).check()?;
         Ok(())

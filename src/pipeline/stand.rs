@@ -1,9 +1,9 @@
 //! All views are cut at the pedestal that they show together.
 
 use super::{Cameras, PipelineError, Taken};
-use crate::geometry::Point;
 use crate::session::event::Role;
-use crate::silhouette::{PedestalSeen, Side, Stand, joint_stand};
+use grainrig_core::geometry::Point;
+use grainrig_core::silhouette::{PedestalSeen, Side, Stand, joint_stand};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -89,7 +89,7 @@ pub(super) fn recut(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::silhouette::Joint;
+    use grainrig_core::silhouette::Joint;
 
     #[test]
     fn a_box_has_its_foot_in_its_contact_patch() {

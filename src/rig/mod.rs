@@ -12,8 +12,8 @@ mod serial;
 pub mod simulated;
 pub mod v4l;
 
-use crate::geometry::Angle;
-use serde::{Deserialize, Serialize};
+pub use grainrig_core::formats::Encoding;
+use grainrig_core::geometry::Angle;
 use std::time::Duration;
 
 /// Turns the grain about the z axis.
@@ -98,46 +98,6 @@ pub struct OtherFile {
     pub extension: String,
     /// The file's bytes.
     pub bytes: Vec<u8>,
-}
-
-/// The kinds of picture file that are archived and decoded.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Encoding {
-    /// JPEG.
-    Jpeg,
-    /// PNG.
-    Png,
-    /// TIFF.
-    Tiff,
-}
-
-impl Encoding {
-    /// The file name's ending.
-    pub const fn extension(self) -> &'static str {
-        match self {
-            Self::Jpeg => "jpg",
-            Self::Png => "png",
-            Self::Tiff => "tif",
-        }
-    }
-    /// Its media type, for a browser.
-    pub const fn media_type(self) -> &'static str {
-        match self {
-            Self::Jpeg => "image/jpeg",
-            Self::Png => "image/png",
-            Self::Tiff => "image/tiff",
-        }
-    }
-    /// Recognises the file by its first bytes; `None` for anything else (an empty file too).
-    pub fn sniff(bytes: &[u8]) -> Option<Self> {
-        match bytes {
-            [0xff, 0xd8, 0xff, ..] => Some(Self::Jpeg),
-            [0x89, b'P', b'N', b'G', ..] => Some(Self::Png),
-            [b'I', b'I', 42, 0, ..] | [b'M', b'M', 0, 42, ..] => Some(Self::Tiff),
-            _ => None,
-        }
-    }
 }
 
 /// Why a device did not do what it was asked.

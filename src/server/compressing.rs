@@ -12,9 +12,9 @@ use utoipa::ToSchema;
 use super::error::{ErrorBody, ServerError};
 use super::routes::{App, FILE_NAME_LIMIT, SESSION_NAME_LIMIT, check_name, on_rig};
 use super::{Download, Refusal, schemas};
-use crate::contact::CurvePoint;
 use crate::daemon::CompressRequest;
 use crate::session::event::{CompressionNews, CompressionState};
+use grainrig_core::contact::CurvePoint;
 
 /// Points of the curve that are kept; a compression has some hundreds.
 const POINTS_KEPT: usize = 4000;
@@ -283,7 +283,7 @@ mod tests {
             let shown = attribute("value").map(|value| value.parse::<f64>().unwrap());
             let expected = match name.as_str() {
                 // Where neither force nor approach is given.
-                "to_force_n" => crate::contact::Loading::default().to_force_n,
+                "to_force_n" => grainrig_core::contact::Loading::default().to_force_n,
                 _ => usual.get(&name).unwrap_or_else(|| panic!("there is no {name}")).as_f64(),
             };
             assert_eq!(shown, expected, "{name}");

@@ -17,7 +17,7 @@ use utoipa::ToSchema;
 use super::compressing::CompressionStatus;
 use super::schemas::GrainResult;
 use crate::session::event::Happening;
-use crate::silhouette::Verdict;
+use grainrig_core::silhouette::Verdict;
 
 /// More warnings than this help nobody: a run has 26 views.
 const WARNINGS_KEPT: usize = 200;

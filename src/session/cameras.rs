@@ -8,7 +8,7 @@
 use super::SessionError;
 use super::name::few;
 use super::picture::Size;
-use crate::geometry::{Point, Projection};
+use grainrig_core::geometry::{Point, Projection};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3x4, Vector3};
 use std::collections::BTreeMap;
 

@@ -1,8 +1,8 @@
 //! What happens during a run: one numbered event type for terminal, journal and browser alike.
 
 use super::manifest::ArchivedFile;
-use crate::contact::CurvePoint;
-use crate::silhouette::Verdict;
+use grainrig_core::contact::CurvePoint;
+use grainrig_core::silhouette::Verdict;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 

@@ -1,7 +1,7 @@
 //! What a session was to be: written once, before the first picture, and never changed.
 
 use super::event::Role;
-use crate::geometry::Angle;
+use grainrig_core::geometry::Angle;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;

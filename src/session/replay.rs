@@ -1,8 +1,8 @@
 //! A recording as a stage and a camera: it goes the same way through the house as the rig.
 
 use super::recording::Recording;
-use crate::geometry::Angle;
 use crate::rig::{Camera, Frame, RigError, RotationStage};
+use grainrig_core::geometry::Angle;
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

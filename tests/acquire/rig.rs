@@ -3,10 +3,10 @@
 use grainrig::acquire::{
     self, AcquireError, Clock, Control, Earlier, Fate, FrameSink, Judge, Outcome, SessionSink,
 };
-use grainrig::geometry::Angle;
 use grainrig::rig::{Camera, Encoding, Frame, RigError, RotationStage};
 use grainrig::session::event::{CapturedView, Happening, Role};
 use grainrig::session::{Manifest, Origin, Plan, PlannedView, Recording, Session, SessionError, Store};
+use grainrig_core::geometry::Angle;
 use image::{DynamicImage, ImageFormat, RgbImage};
 use std::io::Cursor;
 use std::path::PathBuf;

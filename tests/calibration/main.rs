@@ -7,8 +7,8 @@ mod kit;
 mod rendered;
 mod rigs;
 
-use grainrig::calibrate::{Calibration, FindingKind, Known};
 use grainrig::rig::simulated::Settings;
+use grainrig_core::calibrate::{Calibration, FindingKind, Known};
 use rayon::prelude::*;
 use rigs::{Captured, Wrong, calibrated, capture, capture_views, known, laboratory, misread, random};
 

@@ -1,11 +1,11 @@
 //! Random simulated rigs: photographs through the real encoder, decoder and silhouettes.
 
-use grainrig::calibrate::{Axis, Calibration, Known, Measured, SeenView, Upright, calibrate};
-use grainrig::geometry::Angle;
-use grainrig::pipeline::decode;
 use grainrig::rig::simulated::{Faults, Settings, Slip, Truth, open};
 use grainrig::rig::{Camera as _, RotationStage as _};
-use grainrig::silhouette::{self, Found, PedestalSeen, joint_stand};
+use grainrig_core::calibrate::{Axis, Calibration, Known, Measured, SeenView, Upright, calibrate};
+use grainrig_core::formats::decode;
+use grainrig_core::geometry::Angle;
+use grainrig_core::silhouette::{self, Found, PedestalSeen, joint_stand};
 use rayon::prelude::*;
 use std::path::PathBuf;
 

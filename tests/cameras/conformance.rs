@@ -2,12 +2,12 @@
 
 use crate::bench::{Bench, SCENES, scene};
 use crate::kit::{Lab, MM_PER_PX, SIZE};
-use grainrig::geometry::Angle;
 use grainrig::rig::simulated::{self, Settings};
 use grainrig::rig::{Encoding, RotationStage};
 use grainrig::session::Recording;
 use grainrig::session::picture::decode_check;
 use grainrig::session::replay::replay;
+use grainrig_core::geometry::Angle;
 
 /// At the rig, with any camera and anything before it: `GRAINRIG_CAMERA=my.toml cargo test --features gphoto2,v4l --test
 /// cameras at_the_rig -- --ignored`.

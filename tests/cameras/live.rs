@@ -4,10 +4,10 @@ use crate::bench::scene;
 use crate::kit::{Lab, pictures, read};
 use crate::network::Network;
 use crate::ptp_camera::{Personality, PtpCamera, Setup, speaks_ptpip};
-use grainrig::geometry::Angle;
 use grainrig::rig::gphoto::Target;
 use grainrig::rig::simulated::{self, Settings};
 use grainrig::rig::{Camera as _, RigError, RotationStage as _};
+use grainrig_core::geometry::Angle;
 
 #[test]
 fn live_view_shows_what_is_there_and_is_over_before_the_next_picture() {

@@ -2,11 +2,11 @@
 //! and a folder of photographs is labelled.
 
 use super::kit::{Lab, Ran, read};
-use grainrig::geometry::Angle;
 use grainrig::rig::simulated::{self, Faults, Settings};
 use grainrig::rig::{Camera as _, RotationStage as _};
 use grainrig::session::State;
 use grainrig::session::event::Happening;
+use grainrig_core::geometry::Angle;
 use serde_json::Value;
 
 /// Views of a plan whose neighbours are 7.2° apart.

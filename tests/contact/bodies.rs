@@ -1,7 +1,7 @@
 //! Meshes of known bodies.
 
-use grainrig::geometry::{Ball, Point};
-use grainrig::mesh::{Controls, TetMesh, mesh};
+use grainrig_core::geometry::{Ball, Point};
+use grainrig_core::mesh::{Controls, TetMesh, mesh};
 
 /// A block from the origin, cut into cells of six tetrahedra each around the cell's diagonal (Kuhn), which fit their
 /// neighbours.

@@ -1,8 +1,8 @@
 //! `grainrig compress` as a user runs it.
 
 use crate::bodies::ball;
-use grainrig::contact::experiment::{Compliance, read};
-use grainrig::geometry::TriangleMesh;
+use grainrig_core::contact::experiment::{Compliance, read};
+use grainrig_core::geometry::TriangleMesh;
 use serde_json::Value;
 use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
@@ -142,7 +142,7 @@ fn bad_bodies(folder: &Path) {
         surface.vertices.iter_mut().for_each(|p| p.coords *= by);
         change(&mut surface);
         let mut bytes = Vec::new();
-        grainrig::export::stl::write(&surface, &mut bytes).unwrap();
+        grainrig_core::formats::stl::write(&surface, &mut bytes).unwrap();
         write(name, &bytes);
         bytes
     };

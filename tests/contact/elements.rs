@@ -1,9 +1,9 @@
 //! Elements, waves and sums that are known exactly.
 
 use crate::bodies::{ball, block};
-use grainrig::contact::{Body, ContactError, Dynamics, Material, Plates};
-use grainrig::geometry::Point;
-use grainrig::mesh::TetMesh;
+use grainrig_core::contact::{Body, ContactError, Dynamics, Material, Plates};
+use grainrig_core::geometry::Point;
+use grainrig_core::mesh::TetMesh;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use std::f64::consts::{PI, TAU};
 

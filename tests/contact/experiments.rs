@@ -1,6 +1,6 @@
 //! What is read off a laboratory's record, on records of many kinds whose truth is known.
 
-use grainrig::contact::experiment::{Compliance, Experiment, LoadingEnd, Reading, read};
+use grainrig_core::contact::experiment::{Compliance, Experiment, LoadingEnd, Reading, read};
 use std::path::Path;
 
 /// Where 2 N are passed, µm after contact.

@@ -1,7 +1,7 @@
 //! A real grain, elastic and plastic, between plates.
 
 use crate::sphere::long;
-use grainrig::contact::QUASI_STATIC;
+use grainrig_core::contact::QUASI_STATIC;
 use serde_json::Value;
 use std::path::Path;
 use std::process::Command;
@@ -17,12 +17,12 @@ pub fn grain() -> Option<Vec<u8>> {
         println!("skipped: {} is not there", path.display());
         return None;
     };
-    let mut surface = grainrig::export::stl::read(&bytes).unwrap();
+    let mut surface = grainrig_core::formats::stl::read(&bytes).unwrap();
     let size = surface.bounds().unwrap().size();
     let by = LONGEST_MM / size.x.max(size.y).max(size.z);
     surface.vertices.iter_mut().for_each(|p| p.coords *= by);
     let mut out = Vec::new();
-    grainrig::export::stl::write(&surface, &mut out).unwrap();
+    grainrig_core::formats::stl::write(&surface, &mut out).unwrap();
     Some(out)
 }
 

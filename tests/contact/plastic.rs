@@ -2,9 +2,9 @@
 
 use crate::bodies::graded_ball;
 use crate::sphere::{long, pressed};
-use grainrig::contact::{Loading, Material, Press, hertz};
-use grainrig::geometry::Vector;
-use grainrig::mesh::TetMesh;
+use grainrig_core::contact::{Loading, Material, Press, hertz};
+use grainrig_core::geometry::Vector;
+use grainrig_core::mesh::TetMesh;
 use std::f64::consts::PI;
 
 #[test]

@@ -1,9 +1,9 @@
 //! A compression as a whole: the same on any number of threads, resumed as uninterrupted, and what is refused.
 
 use crate::bodies::{ball, block};
-use grainrig::contact::{ContactError, Loading, Material, Plate, Press, Sample, StateError};
-use grainrig::geometry::Point;
-use grainrig::mesh::TetMesh;
+use grainrig_core::contact::{ContactError, Loading, Material, Plate, Press, Sample, StateError};
+use grainrig_core::geometry::Point;
+use grainrig_core::mesh::TetMesh;
 use nalgebra::Rotation3;
 
 fn loading() -> Loading {

@@ -4,7 +4,7 @@
 //! else one mesh of each sphere is pressed.
 
 use crate::bodies::graded_ball;
-use grainrig::contact::{Loading, Material, Press, QUASI_STATIC, hertz};
+use grainrig_core::contact::{Loading, Material, Press, QUASI_STATIC, hertz};
 
 /// Whether the long tests are asked for.
 pub fn long() -> bool {

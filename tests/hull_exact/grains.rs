@@ -3,9 +3,9 @@
 //! `GRAINRIG_ALL=1 cargo test --release --test hull_exact real -- --nocapture` gives each grain all numbers of views;
 //! else each grain and pose takes its turn with one of them.
 
-use grainrig::export::stl;
-use grainrig::geometry::{Point, TriangleMesh};
-use grainrig::hull::slices::{Ladder, SlicedHull, Strips};
+use grainrig_core::formats::stl;
+use grainrig_core::geometry::{Point, TriangleMesh};
+use grainrig_core::hull::slices::{Ladder, SlicedHull, Strips};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::fmt::Write as _;

@@ -3,11 +3,11 @@
 mod grains;
 mod properties;
 
-use grainrig::calibrate::Turntable;
-use grainrig::geometry::Angle;
-use grainrig::hull::slices::{BitMask, Ladder, SlicedHull, Strips};
-use grainrig::hull::{Cone, HullGrid, find_bounds};
-use grainrig::silhouette::Silhouette;
+use grainrig_core::calibrate::Turntable;
+use grainrig_core::geometry::Angle;
+use grainrig_core::hull::slices::{BitMask, Ladder, SlicedHull, Strips};
+use grainrig_core::hull::{Cone, HullGrid, find_bounds};
+use grainrig_core::silhouette::Silhouette;
 use std::f64::consts::PI;
 use std::sync::Arc;
 

@@ -1,6 +1,6 @@
 //! What holds for any bodies and views.
 
-use grainrig::hull::slices::{Ladder, SliceError, SlicedHull, Strips};
+use grainrig_core::hull::slices::{Ladder, SliceError, SlicedHull, Strips};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use std::f64::consts::{PI, TAU};

@@ -3,10 +3,10 @@
 // Each test file uses its own part of this.
 #![allow(dead_code)]
 
-use grainrig::geometry::Angle;
 use grainrig::rig::simulated::{self, Settings};
 use grainrig::rig::{Camera as _, RotationStage as _};
 use grainrig::session::{Recording, sha256_hex};
+use grainrig_core::geometry::Angle;
 use std::collections::BTreeMap;
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::path::{Path, PathBuf};

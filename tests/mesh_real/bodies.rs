@@ -1,8 +1,8 @@
 //! Bodies that are no grains: plates, needles, touching balls, nothing, and values that are no numbers.
 
 use super::{assert_good, assert_sound, default_controls};
-use grainrig::geometry::{Aabb, ImplicitBody, Point, TriangleMesh, Vector};
-use grainrig::mesh::{Controls, Distances, MeshError, Solid, mesh};
+use grainrig_core::geometry::{Aabb, ImplicitBody, Point, TriangleMesh, Vector};
+use grainrig_core::mesh::{Controls, Distances, MeshError, Solid, mesh};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 

@@ -4,8 +4,8 @@
 //! with other ones each time `GRAINRIG_FUZZ_SEED` is another.
 
 use super::{assert_sound, default_controls};
-use grainrig::geometry::{ImplicitBody, Point, TriangleMesh, Vector};
-use grainrig::mesh::{Controls, MeshError, Solid, Voxels, mesh};
+use grainrig_core::geometry::{ImplicitBody, Point, TriangleMesh, Vector};
+use grainrig_core::mesh::{Controls, MeshError, Solid, Voxels, mesh};
 use std::time::{Duration, Instant};
 
 /// How many of each kind where no time is given.

@@ -2,9 +2,9 @@
 
 use super::grains::files;
 use super::{assert_sound, default_controls, on_threads};
-use grainrig::export::stl;
-use grainrig::geometry::{Ball, Point};
-use grainrig::mesh::{Controls, Solid, mesh};
+use grainrig_core::formats::stl;
+use grainrig_core::geometry::{Ball, Point};
+use grainrig_core::mesh::{Controls, Solid, mesh};
 
 const BALL: Ball = Ball { center: Point::new(0.1, -0.2, 0.3), radius_mm: 0.4 };
 

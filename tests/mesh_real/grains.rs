@@ -1,9 +1,9 @@
 //! Grains measured by X-ray tomography, and closed forms, from STL files.
 
 use super::{assert_good, assert_sound, default_controls, on_threads};
-use grainrig::export::{inp, stl};
-use grainrig::geometry::Point;
-use grainrig::mesh::{Controls, Distances, Solid, mesh};
+use grainrig_core::formats::{inp, stl};
+use grainrig_core::geometry::Point;
+use grainrig_core::mesh::{Controls, Distances, Solid, mesh};
 use std::path::PathBuf;
 
 /// The folder of real grains, which not every checkout has.

@@ -2,11 +2,11 @@
 
 use super::grains::files;
 use super::{assert_good, assert_sound, default_controls, on_threads};
-use grainrig::geometry::Angle;
-use grainrig::hull::{Cone, HullGrid, VisualHull, find_bounds};
-use grainrig::mesh::{Controls, MeshError, mesh};
 use grainrig::rig::simulated::{Settings, open};
-use grainrig::silhouette::{self, PedestalMode, Picture};
+use grainrig_core::geometry::Angle;
+use grainrig_core::hull::{Cone, HullGrid, VisualHull, find_bounds};
+use grainrig_core::mesh::{Controls, MeshError, mesh};
+use grainrig_core::silhouette::{self, PedestalMode, Picture};
 use std::sync::Arc;
 
 /// Grey levels of the background and of the grain.

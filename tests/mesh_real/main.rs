@@ -6,7 +6,7 @@ mod graded;
 mod grains;
 mod hulls;
 
-use grainrig::mesh::{Controls, Quality, TetMesh};
+use grainrig_core::mesh::{Controls, Quality, TetMesh};
 
 /// Least and greatest dihedral angle of any mesh of a grain or hull, degrees. Isosurface stuffing proves 10.7° and 164.8°
 /// before smoothing (Labelle and Shewchuk 2007).

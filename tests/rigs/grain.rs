@@ -6,10 +6,10 @@
 use crate::board::Board;
 use crate::kit::Lab;
 use grainrig::config::Config;
-use grainrig::geometry::Angle;
 use grainrig::rig::simulated::{self, SimulatedCamera, SimulatedStage};
 use grainrig::rig::{Camera as _, RotationStage as _};
 use grainrig::session::sha256_hex;
+use grainrig_core::geometry::Angle;
 use serde_json::Value;
 use std::sync::{Arc, Mutex};
 

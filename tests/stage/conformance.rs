@@ -2,8 +2,8 @@
 
 use super::board::Board;
 use super::grbl::{Faults, Grbl};
-use grainrig::geometry::Angle;
 use grainrig::rig::{RigError, RotationStage, controller, grbl, simulated};
+use grainrig_core::geometry::Angle;
 
 /// `stands` says where the grain truly stands, degrees, by no word of the stage; `step_deg` is what the stage can tell apart.
 fn conforms(name: &str, stage: &mut dyn RotationStage, step_deg: f64, stands: &mut dyn FnMut() -> f64) {

@@ -1,8 +1,8 @@
 //! A GRBL 1.1 board on a pseudo terminal, and the driver against it.
 
-use grainrig::geometry::Angle;
 use grainrig::rig::RotationStage as _;
 use grainrig::rig::grbl::{Reference, Settings, open};
+use grainrig_core::geometry::Angle;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 use std::fs::File;

@@ -11,9 +11,9 @@ mod protocol;
 mod run;
 
 use board::Board;
-use grainrig::geometry::Angle;
 use grainrig::rig::controller::{ControllerStage, Reference, Settings, open};
 use grainrig::rig::{RigError, RotationStage, Shutter as _};
+use grainrig_core::geometry::Angle;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 

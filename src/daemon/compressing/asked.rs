@@ -4,9 +4,9 @@ use super::body;
 use super::{
     CompressInput, CompressSettings, Compression, DaemonError, MESH, Placing, RESULT, RUN, TEXT_LIMIT,
 };
-use crate::contact::{ContactError, Loading, Material, Plates, SETTLED};
-use crate::plausible::{self, Doubt};
 use crate::session::{Held, LOCK, hold, read_inside, write_whole};
+use grainrig_core::contact::{ContactError, Loading, Material, Plates, SETTLED};
+use grainrig_core::plausible::{self, Doubt};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 

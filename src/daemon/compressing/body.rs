@@ -1,11 +1,11 @@
 //! From what is given to a meshed grain at rest between the plates.
 
 use super::DaemonError;
-use crate::contact::rest;
-use crate::geometry::{Aabb, Ball, ImplicitBody, Point, TriangleMesh, Vector};
-use crate::mesh::{Controls, Solid, TetMesh, mesh};
-use crate::plausible::{self, Doubt, share_of};
 use crate::session::sha256_hex;
+use grainrig_core::contact::rest;
+use grainrig_core::geometry::{Aabb, Ball, ImplicitBody, Point, TriangleMesh, Vector};
+use grainrig_core::mesh::{Controls, Solid, TetMesh, mesh};
+use grainrig_core::plausible::{self, Doubt, share_of};
 use nalgebra::Rotation3;
 use serde::{Deserialize, Serialize};
 
@@ -127,7 +127,7 @@ pub(super) fn placed(
         }
         CompressInput::Mesh(given, _) => {
             told(RESTING, 0.0);
-            given.check().map_err(crate::contact::ContactError::Mesh)?;
+            given.check().map_err(grainrig_core::contact::ContactError::Mesh)?;
             let surface = given.surface();
             let center = surface_center(&surface.triangles);
             let turn = turn(&surface.triangles.vertices, &center, placing);

@@ -1,7 +1,7 @@
 //! What a compression is made of and what comes out of it, as files and callers have it.
 
-use crate::contact::experiment::Reading;
-use crate::contact::{
+use grainrig_core::contact::experiment::Reading;
+use grainrig_core::contact::{
     Agreement, Contact, CurvePoint, Energy, HertzFit, Loading, Material, QuasiStatic, Sample, Transition,
 };
 use serde::{Deserialize, Serialize};

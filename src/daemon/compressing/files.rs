@@ -1,13 +1,13 @@
 //! The files of a compression.
 
 use super::{CompressResult, DaemonError, ExperimentResult, OtherCurve};
-use crate::contact::experiment::LoadingEnd;
-use crate::contact::{Press, Sample, Transition, hertz, section};
-use crate::export::{press_deck, pvd, vtu};
-use crate::geometry::{Point, Vector};
-use crate::mesh::TetMesh;
-use crate::report::{self, FieldCut, FieldPicture, Mark, Panel, Series, Sheet};
 use crate::session::{LOCK, write_whole};
+use grainrig_core::contact::experiment::LoadingEnd;
+use grainrig_core::contact::{Press, Sample, Transition, hertz, section};
+use grainrig_core::formats::{press_deck, pvd, vtu};
+use grainrig_core::geometry::{Point, Vector};
+use grainrig_core::mesh::TetMesh;
+use grainrig_core::report::{self, FieldCut, FieldPicture, Mark, Panel, Series, Sheet};
 use std::fmt::Write as _;
 use std::path::Path;
 

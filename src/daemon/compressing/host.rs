@@ -15,8 +15,8 @@ use super::{
     Claim, CompressDetails, CompressInput, CompressLine, CompressMaterial, CompressRequest, DaemonError, RUN,
 };
 use crate::daemon::Watcher;
-use crate::export::stl;
 use crate::session::{Recording, SessionError, State, Store, check_name, hold};
+use grainrig_core::formats::stl;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -25,12 +25,12 @@ pub use host::{CompressError, CompressHost};
 pub use shelf::{CompressDetails, CompressFile, CompressLine, CompressState};
 
 use super::DaemonError;
-use crate::contact::{
-    ContactError, CurvePoint, Loading, Press, Sample, agreement, fit_hertz, hertz, quasi_static, transition,
-};
-use crate::mesh::TetMesh;
 use crate::session::{Held, hold, read_inside, to_json, to_json_value, write_whole};
 use body::{mesh_bytes, mesh_from};
+use grainrig_core::contact::{
+    ContactError, CurvePoint, Loading, Press, Sample, agreement, fit_hertz, hertz, quasi_static, transition,
+};
+use grainrig_core::mesh::TetMesh;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};

@@ -1,9 +1,9 @@
 //! What those who watch a compression are told, and how often.
 
 use super::CompressProgress;
-use crate::contact::CurvePoint;
 use crate::daemon::Watcher;
 use crate::session::event::{CompressionNews, CompressionState, Event, Happening};
+use grainrig_core::contact::CurvePoint;
 use std::time::{Duration, Instant};
 
 /// Progress is told no more often: the feed keeps a number of events, and a capture's are among them.

@@ -3,8 +3,8 @@
 
 use super::machine::Machine;
 use super::settings::Settings;
-use crate::geometry::Angle;
 use crate::rig::{RigError, RotationStage, Shutter};
+use grainrig_core::geometry::Angle;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;

@@ -9,8 +9,8 @@ mod settings;
 pub use settings::{Reference, Settings};
 
 use super::{RigError, RotationStage, warn_taken_up};
-use crate::geometry::Angle;
 use board::Board;
+use grainrig_core::geometry::Angle;
 
 /// A stage that a GRBL board turns.
 pub struct GrblStage {

@@ -5,8 +5,8 @@ use super::random::{self, Normal, Purpose};
 use super::scene::{Patch, Scene, Spoiled};
 use super::stage::lock;
 use super::{Exposure, Settings, Shared, exif};
-use crate::geometry::Angle;
 use crate::rig::{Camera, Encoding, Frame, RigError};
+use grainrig_core::geometry::Angle;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 

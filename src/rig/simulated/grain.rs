@@ -2,9 +2,9 @@
 
 use super::random::{self, Purpose};
 use super::settings::Settings;
-use crate::export::stl;
-use crate::geometry::{Point, TriangleMesh, Vector};
 use crate::rig::RigError;
+use grainrig_core::formats::stl;
+use grainrig_core::geometry::{Point, TriangleMesh, Vector};
 use nalgebra::Rotation3;
 use std::collections::HashMap;
 use std::path::Path;

@@ -29,8 +29,8 @@ pub use settings::Settings;
 pub use stage::SimulatedStage;
 pub use truth::{Coverage, Exposure, Truth, TruthHandle};
 
-use crate::geometry::Angle;
 use crate::rig::RigError;
+use grainrig_core::geometry::Angle;
 use std::sync::{Arc, Mutex};
 
 /// What stage, camera and truth have in common.

@@ -1,8 +1,8 @@
 //! The simulated lens: where a place of the table's frame is seen in the picture.
 
 use super::settings::Settings;
-use crate::geometry::{Angle, Point, Projection, TriangleMesh};
 use crate::rig::RigError;
+use grainrig_core::geometry::{Angle, Point, Projection, TriangleMesh};
 use nalgebra::{Matrix3x4, RowVector4};
 use serde::{Deserialize, Serialize};
 

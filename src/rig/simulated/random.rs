@@ -42,7 +42,7 @@ pub fn uniform(key: u64, index: u64) -> f64 {
 }
 
 /// Value noise: random values (−1 to 1) at whole places, blended between them.
-pub fn lattice(key: u64, p: &crate::geometry::Vector) -> f64 {
+pub fn lattice(key: u64, p: &grainrig_core::geometry::Vector) -> f64 {
     let cell = p.map(f64::floor);
     let f = (p - cell).map(|x| x * x * (3.0 - 2.0 * x));
     (0..8)

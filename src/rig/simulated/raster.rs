@@ -4,7 +4,7 @@
 //! spans is measured to its ends, so that an outline is nowhere pulled to a grid of samples.
 
 use super::optics::Optics;
-use crate::geometry::{Angle, TriangleMesh};
+use grainrig_core::geometry::{Angle, TriangleMesh};
 use rayon::prelude::*;
 
 /// Lines measured in each pixel row.

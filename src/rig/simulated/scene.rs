@@ -5,8 +5,8 @@ use super::optics::Optics;
 use super::random::{self, Purpose};
 use super::raster::{Shades, View, Window};
 use super::settings::Settings;
-use crate::geometry::{Angle, TriangleMesh, Vector};
 use crate::rig::RigError;
+use grainrig_core::geometry::{Angle, TriangleMesh, Vector};
 use rayon::prelude::*;
 
 /// Everything before the shutter that does not move.

@@ -3,8 +3,8 @@
 use super::Shared;
 use super::random::{self, Purpose};
 use super::settings::Settings;
-use crate::geometry::Angle;
 use crate::rig::{RigError, RotationStage};
+use grainrig_core::geometry::Angle;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 

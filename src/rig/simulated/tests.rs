@@ -189,6 +189,6 @@ fn the_truth_is_kept_in_files_that_are_read_again() {
     let json: Truth = serde_json::from_slice(&json).unwrap();
     assert_eq!((json.settings, json.exposures.len()), (small(), 1));
     assert!((json.grain_volume_mm3 / truth.truth().grain_volume_mm3 - 1.0).abs() < 1e-12);
-    let surface = crate::export::stl::read(&surface).unwrap();
+    let surface = grainrig_core::formats::stl::read(&surface).unwrap();
     assert_eq!(surface.triangles.len(), truth.truth_mesh().triangles.len());
 }

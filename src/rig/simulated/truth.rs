@@ -6,9 +6,9 @@ use super::scene::Scene;
 use super::settings::Settings;
 use super::stage::lock;
 use super::{Shared, grain};
-use crate::export::stl;
-use crate::geometry::{Angle, Projection, TriangleMesh};
 use crate::rig::RigError;
+use grainrig_core::formats::stl;
+use grainrig_core::geometry::{Angle, Projection, TriangleMesh};
 use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Mutex};
 

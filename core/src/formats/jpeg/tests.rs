@@ -1,9 +1,8 @@
 //! The pixels, the small copy and the silhouettes of this decoder beside those of the general one.
 
 use super::*;
-use crate::pipeline::{Photograph, decode};
-use crate::rig::{Camera as _, RotationStage as _, simulated};
-use crate::silhouette::{Settings, Silhouette, find};
+use crate::formats::{Photograph, decode};
+use crate::silhouette::{Settings, find};
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 
 const SAMPLINGS: [SamplingFactor; 4] =
@@ -102,47 +101,6 @@ fn what_is_damaged_or_of_another_kind_is_left_to_the_general_decoder() {
             let [width, height, _] = jpeg.shape();
             jpeg.weighted(&(width - 60..width), &(0..height.min(40)), [5, 9, 2]);
         }
-    }
-}
-
-/// Area of what is inside both over that of what is inside either.
-fn overlap(a: &Silhouette, b: &Silhouette) -> f64 {
-    let (mut both, mut either) = (0, 0);
-    for y in 0..a.picture[1] {
-        for x in 0..a.picture[0] {
-            let (a, b) = (a.contains(x, y), b.contains(x, y));
-            (both, either) = (both + u32::from(a && b), either + u32::from(a || b));
-        }
-    }
-    f64::from(both) / f64::from(either)
-}
-
-#[test]
-fn silhouettes_are_those_of_the_decoded_picture() {
-    let rig = simulated::Settings { width: 2592, height: 1728, ..Default::default() };
-    let (mut stage, mut camera, _) = simulated::open(&rig).unwrap();
-    stage.home().unwrap();
-    let empty = encoded([rig.width, rig.height], 3, |_| ());
-    for degrees in [0.0, 57.6, 144.0] {
-        stage.move_to(crate::geometry::Angle::from_deg(degrees)).unwrap();
-        let bytes = camera.capture().unwrap().bytes;
-        let photograph = Photograph::open(&bytes).unwrap();
-        assert!(photograph.at_hand().is_none());
-        let settings = Settings::default();
-        let own = find(&photograph, None, &settings).unwrap();
-        let other = find(&decode(&bytes).unwrap(), None, &settings).unwrap();
-        let (a, b) = (own.report.area_px, other.report.area_px);
-        assert!((a / b - 1.0).abs() < 5e-4, "{degrees}°: {a}, not {b} px");
-        let iou = overlap(&own.silhouette, &other.silhouette);
-        assert!(iou >= 0.9995, "{degrees}°: {iou}");
-        // Another size of picture is no background.
-        let small = decode(&encoded([1200, 40], 3, |_| ())).unwrap();
-        assert!(find(&photograph, Some(&small), &settings).is_err());
-        // Whichever of the two is decoded, the empty stage is compared with the picture.
-        let stage = Photograph::open(&empty).unwrap();
-        let stages: [&dyn Source; 2] = [&stage, &*stage.pixels().unwrap()];
-        let found = stages.map(|stage| find(&photograph, Some(stage), &settings).map(|f| f.report.channel));
-        assert_eq!(found[0], found[1]);
     }
 }
 

@@ -3,13 +3,16 @@
 //!
 //! The writers know no paths: each writes to anything that takes bytes, and the same input gives the same bytes.
 
+mod encoding;
 mod error;
 pub mod glb;
 pub mod inp;
 pub mod inp_read;
+pub mod jpeg;
 pub mod msh;
 pub mod nrrd;
 mod numbers;
+mod photograph;
 pub mod ply;
 pub mod press_deck;
 pub mod pvd;
@@ -17,4 +20,6 @@ mod resolution;
 pub mod stl;
 pub mod vtu;
 
+pub use encoding::Encoding;
 pub use error::ExportError;
+pub use photograph::{Photograph, decode};

@@ -1,7 +1,7 @@
 //! From the camera's bytes to pixels: all of them, or those that are looked at.
 
+use super::Encoding;
 use super::jpeg::Jpeg;
-use crate::rig::Encoding;
 use crate::silhouette::{Grid, Picture, SilhouetteError, Source};
 use image::{ImageFormat, ImageReader, Limits};
 use std::borrow::Cow;
