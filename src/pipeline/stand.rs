@@ -65,6 +65,9 @@ pub(super) fn recut(
             let joint = stand.seen_by(one.found.report.pedestal);
             if one.found.recut(joint) {
                 one.silhouette = Arc::new(one.found.silhouette.clone());
+                if let Some(traits) = &mut one.traits {
+                    traits.take_outline(&one.silhouette);
+                }
             }
         }
         for (places, what) in [

@@ -8,9 +8,9 @@ mod rendered;
 mod rigs;
 
 use grainrig::rig::simulated::Settings;
-use grainrig_core::calibrate::{Calibration, FindingKind, Known};
+use grainrig_core::calibrate::{Calibration, Finding, FindingKind, Known};
 use rayon::prelude::*;
-use rigs::{Captured, Wrong, calibrated, capture, capture_views, known, laboratory, misread, random};
+use rigs::{Captured, Wrong, calibrated, capture, capture_views, known, laboratory, misread, random, small};
 
 fn rigs(of: u64) -> u64 {
     std::env::var("GRAINRIG_RIGS").ok().and_then(|n| n.parse().ok()).unwrap_or(of)
@@ -204,6 +204,35 @@ fn clean_rigs_raise_no_alarm_however_many_views_they_have() {
     assert!(alarms.is_empty(), "{alarms:?}");
 }
 
+/// However small the grain is in the pictures, and however few they are.
+#[test]
+fn clean_rigs_raise_no_alarm_however_small_the_grain() {
+    let plans = [6, 8, 10, 12, 15, 20, 25, 36];
+    let sizes = [30.0, 50.0, 80.0, 120.0];
+    let alarms: Vec<Vec<String>> = (0..rigs(32))
+        .into_par_iter()
+        .map(|seed| {
+            let views = plans[seed as usize % plans.len()];
+            let size_px = sizes[seed as usize / plans.len() % sizes.len()];
+            let rig = small(seed, size_px, Wrong::Nothing);
+            let Ok(captured) = capture_views(&rig, views).map_err(|e| println!("rig {seed}: {e}")) else {
+                return Vec::new();
+            };
+            let (c, _) = calibrated(&captured, &known(&captured));
+            let told = move |f| format!("rig {seed}, {size_px} px, {views} views: {f}");
+            c.findings.into_iter().map(|f| f.text).map(told).collect::<Vec<_>>()
+        })
+        .collect();
+    let told: Vec<&String> = alarms.iter().flatten().collect();
+    println!(
+        "{} false alarms in {} of {} rigs",
+        told.len(),
+        alarms.iter().filter(|a| !a.is_empty()).count(),
+        alarms.len()
+    );
+    assert!(told.is_empty(), "{told:#?}");
+}
+
 /// Rigs with something wrong: how many there were, were named, and were located.
 fn found(rigs: u64, wrong: impl Fn(u64) -> Wrong + Sync, kind: FindingKind) -> [usize; 3] {
     let made = all(
@@ -236,6 +265,47 @@ fn a_slip_is_named_and_located() {
     };
     let [made, named, located] = found(rigs(8), wrong, FindingKind::Slip);
     assert!(named == made && located == made, "{made} {named} {located}");
+}
+
+/// A grain that rolls, or a stage that was turned by hand.
+#[test]
+fn a_large_slip_is_named_and_located_however_small_the_grain() {
+    let degrees = [4.0, -8.0, 13.0, -20.0, 25.0, -5.5, 11.0];
+    let cases: Vec<(u64, f64, usize)> = (0..rigs(12))
+        .map(|seed| (seed, [270.0, 80.0][seed as usize % 2], [25, 15][seed as usize / 2 % 2]))
+        .collect();
+    let made: Vec<(bool, bool, usize)> = (cases.into_par_iter())
+        .map(|(seed, size_px, views)| {
+            let deg = degrees[seed as usize % degrees.len()];
+            let at = 2 + (seed as usize * 7) % (views - 3);
+            let rig = small(3000 + seed, size_px, Wrong::Slip(at, deg));
+            let captured = capture_views(&rig, views).unwrap();
+            let (c, _) = calibrated(&captured, &known(&captured));
+            let what: Vec<&str> = c.findings.iter().map(|f| f.text.as_str()).collect();
+            println!("rig {seed}, {size_px} px, {views} views, {deg}° at {at}: {what:?}");
+            let right = |f: &Finding| {
+                f.between.is_some_and(|[a, b]| (a..=b).contains(&at))
+                    && (f.degrees - deg).abs() < 3.0 * f.sigma_deg
+            };
+            // What is told apart is right.
+            let wrong = c.findings.iter().any(|f| f.kind != FindingKind::SlipOrStepSize && !right(f));
+            (c.findings.len() == 1 && right(&c.findings[0]), wrong, views)
+        })
+        .collect();
+    let wrong = made.iter().filter(|m| m.1).count();
+    let named = |views: usize| {
+        let of: Vec<bool> = made.iter().filter(|m| m.2 == views).map(|m| m.0).collect();
+        (of.iter().filter(|n| **n).count(), of.len())
+    };
+    let [usual, few] = [25, 15].map(named);
+    println!(
+        "of 25 views {} of {} are named, of 15 views {} of {}; {wrong} told wrong",
+        usual.0, usual.1, few.0, few.1
+    );
+    assert!(
+        10 * usual.0 >= 9 * usual.1 && 3 * few.0 >= 2 * few.1 && 10 * wrong <= made.len(),
+        "{usual:?} {few:?} {wrong}"
+    );
 }
 
 /// A full step may be as small as a gear makes it.

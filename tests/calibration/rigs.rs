@@ -60,6 +60,19 @@ pub fn laboratory(seed: u64, wrong: Wrong) -> Settings {
     }
 }
 
+/// As in the laboratory, with a grain of so many pixels.
+pub fn small(seed: u64, size_px: f64, wrong: Wrong) -> Settings {
+    let picture = |share: f64| (share * size_px) as usize + 120;
+    Settings {
+        mm_per_px: 0.9 / size_px,
+        width: picture(1.8),
+        height: picture(1.5),
+        roll_deg: 0.2 * (seed % 9) as f64 - 0.8,
+        axis_offset_px: 3.0 * (seed % 7) as f64 - 9.0,
+        ..laboratory(seed, wrong)
+    }
+}
+
 /// A rig anywhere within wide limits.
 pub fn random(seed: u64, wrong: Wrong) -> Settings {
     let mut draw = Draw::new(seed);

@@ -15,7 +15,7 @@ use std::f64::consts::{PI, TAU};
 
 /// Heights that are compared.
 const HEIGHTS: usize = 128;
-/// Two directions are one where the next ones are at least this many times as far.
+/// Two directions see the same outline where the next ones are at least this many times as far.
 const FURTHER: f64 = 2.0;
 /// Furthest neighbour that tells h′, radians.
 const FURTHEST_RAD: f64 = 0.4;
@@ -30,13 +30,17 @@ const LEAST_NOISE_PX: f64 = 0.05;
 /// Share of the height over which residuals are alike, and blocks whose sums are compared for the uncertainty.
 const ALIKE: f64 = 0.08;
 const BLOCKS: usize = 10;
+/// Turns that are alike, radians.
+const SAME_RAD: f64 = 0.02;
+/// Outlines whose mean square difference is below this share of what a turn makes of them have not turned so.
+const ALIKE_SHARE: f64 = 0.15;
 /// What is known beforehand (standard deviations): rise, shift in pixels, roll left over.
 const RISE_RAD: f64 = 0.03;
 const SHIFT_PX: f64 = 10.0;
 const ROLL_RAD: f64 = 0.004;
 
 /// Two views that see the same outline.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct Closing {
     /// Indices among the views.
     pub views: [usize; 2],
@@ -44,6 +48,25 @@ pub(super) struct Closing {
     pub rad: f64,
     /// Its standard deviation, radians.
     pub sigma_rad: f64,
+    /// How far the directions lie from one another at most, radians: over it the outline's growth is not known well.
+    pub gap_rad: f64,
+    /// Mean square by which the two outlines differ, px².
+    pub unlike_px2: f64,
+    /// The same of either view and each of the others that look from elsewhere, with how far the grain turns between these,
+    /// radians: what such a turn does to this outline.
+    pub turned_px2: Vec<[f64; 2]>,
+}
+
+impl Closing {
+    /// Whether the outlines are too much alike for the grain to have turned so much farther between them: much more alike
+    /// than each of them is to the view that lies so far from it.
+    pub(super) fn refutes(&self, rad: f64) -> bool {
+        let nearest = self.turned_px2.iter().map(|t| (t[0] - rad.abs()).abs()).fold(f64::INFINITY, f64::min);
+        let such = self.turned_px2.iter().filter(|t| (t[0] - rad.abs()).abs() < nearest + SAME_RAD);
+        // Between views that lie farther apart an outline grows in proportion to the angle at first.
+        let least = such.map(|t| t[1] * (rad / t[0]).powi(2).min(1.0)).fold(f64::INFINITY, f64::min);
+        least.is_finite() && self.unlike_px2 < ALIKE_SHARE * least
+    }
 }
 
 /// A reach's place among all directions.
@@ -63,8 +86,18 @@ struct Met {
 
 /// All pairs of views that see the same outline at these (signed) angles; none where the views share too few rows.
 pub(super) fn closings(views: &[Sample], angles: &[f64], line: &Line) -> Vec<Closing> {
+    paired(views, angles, line, FURTHER)
+}
+
+/// The same of all neighbouring directions that different views look from, even midway between two others: only where much is
+/// asked for, as an outline is not known well between views.
+pub(super) fn near_closings(views: &[Sample], angles: &[f64], line: &Line) -> Vec<Closing> {
+    paired(views, angles, line, 1.0)
+}
+
+fn paired(views: &[Sample], angles: &[f64], line: &Line, further: f64) -> Vec<Closing> {
     let mut pairs: Vec<([usize; 2], Vec<Met>)> = Vec::new();
-    for met in meetings(angles) {
+    for met in meetings(angles, further) {
         let views = met.own.map(|s| s.view);
         match pairs.iter_mut().find(|(v, _)| *v == views) {
             Some((_, all)) => all.push(met),
@@ -80,7 +113,7 @@ pub(super) fn closings(views: &[Sample], angles: &[f64], line: &Line) -> Vec<Clo
 }
 
 /// Where two reaches of different views look the same way, closer than their neighbours do.
-fn meetings(angles: &[f64]) -> Vec<Met> {
+fn meetings(angles: &[f64], further: f64) -> Vec<Met> {
     let mut all: Vec<Seen> = (angles.iter().enumerate())
         .flat_map(|(view, a)| {
             [true, false].map(|right| Seen {
@@ -98,7 +131,7 @@ fn meetings(angles: &[f64]) -> Vec<Met> {
             let [before, a, b, after] = [n - 1, 0, 1, 2].map(|k| all[(i + k) % n]);
             let gap = ahead(&a, &b);
             let wide = [ahead(&before, &a), ahead(&b, &after)];
-            let apart = wide.iter().all(|w| *w > FURTHER * gap.max(1e-3) && *w < FURTHEST_RAD);
+            let apart = wide.iter().all(|w| *w > further * gap.max(1e-3) && *w < FURTHEST_RAD);
             (n > 3 && a.view != b.view && apart).then(|| {
                 let own = if a.view < b.view { [a, b] } else { [b, a] };
                 Met { own, beside: [before, after] }
@@ -127,9 +160,11 @@ fn closing(views: [usize; 2], met: &[Met], angles: &[f64], profiles: &Profiles) 
     let pitch = (profiles.z_px[m - 1] - profiles.z_px[0]) / (m - 1) as f64;
     let mirrored = if met.iter().all(|p| p.own[0].right != p.own[1].right) { 1.0 } else { 0.0 };
     let mut rows = Vec::new();
+    let mut gap_rad = 0.0_f64;
     for pair in met {
         let [first, second] = pair.own.map(|s| s.t);
         let turned = (second - first + PI).rem_euclid(TAU) - PI;
+        gap_rad = gap_rad.max(turned.abs());
         let middle = first + 0.5 * turned;
         let [back, ahead] = [middle - pair.beside[0].t, pair.beside[1].t - middle].map(|d| d.rem_euclid(TAU));
         let [a, b] = pair.own.map(|s| reach(&s));
@@ -170,7 +205,34 @@ fn closing(views: [usize; 2], met: &[Met], angles: &[f64], profiles: &Profiles) 
         }
     }
     let [rad, sigma_rad] = regress(&rows, m, profiles.height_px)?;
-    Some(Closing { views, rad, sigma_rad })
+    let turned_px2 = (0..angles.len())
+        .filter(|other| !views.contains(other))
+        .flat_map(|other| views.map(|v| ((angles[v] - angles[other]).abs() % TAU, [v, other])))
+        // Beyond a quarter turn outlines grow alike again.
+        .filter(|(turn, _)| (SAME_RAD..0.5 * PI).contains(turn))
+        .map(|(turn, pair)| [turn, unlike_px2(pair, false, angles.len(), profiles)])
+        .collect();
+    let unlike_px2 = unlike_px2(views, mirrored > 0.0, angles.len(), profiles);
+    Some(Closing { views, rad, sigma_rad, gap_rad, unlike_px2, turned_px2 })
+}
+
+/// Mean square by which the second outline (or its mirror image) differs from the first, wherever it stands, px².
+fn unlike_px2(pair: [usize; 2], mirrored: bool, views: usize, profiles: &Profiles) -> f64 {
+    let m = profiles.z_px.len();
+    let reach = |view: usize, right: bool| {
+        let sample = view + if right { views } else { 0 };
+        &profiles.reach_px[sample * m..(sample + 1) * m]
+    };
+    let grown = |right: bool| -> Vec<f64> {
+        let (a, b) = (reach(pair[0], right != mirrored), reach(pair[1], right));
+        a.iter().zip(b).map(|(a, b)| b - a).collect()
+    };
+    let [left, right] = [grown(false), grown(true)];
+    let mean = |of: &[f64]| of.iter().sum::<f64>() / m as f64;
+    // A shift of the picture widens one side by what the other loses.
+    let shift = 0.5 * (mean(&right) - mean(&left));
+    let sum = |of: &[f64], shift: f64| of.iter().map(|d| (d - shift).powi(2)).sum::<f64>();
+    (sum(&left, -shift) + sum(&right, shift)) / (2 * m) as f64
 }
 
 /// Means over three neighbours.
@@ -267,7 +329,7 @@ mod tests {
         let nominal: Vec<f64> = (0..26).map(|i| (7.2 * f64::from(i)).to_radians()).collect();
         for ahead in [-1.8f64, 0.0, 0.9] {
             let angles: Vec<f64> = nominal.iter().map(|a| a * (1.0 + ahead / 180.0)).collect();
-            let [c] = told(&angles, &nominal)[..] else { panic!("one pair closes") };
+            let [c] = &told(&angles, &nominal)[..] else { panic!("one pair closes") };
             assert_eq!(c.views, [0, 25]);
             let error = c.rad.to_degrees() - ahead;
             assert!(error.abs() < 0.05 + 0.1 * ahead.abs(), "{ahead}: {:.3}°", c.rad.to_degrees());

@@ -140,7 +140,12 @@ impl Worked {
         };
         let mut sense = sense;
         let mut turning = work(sense, start)?;
-        let told = |f: &Fit| (f.parameters[RECIPROCAL], f.sigma(RECIPROCAL, MODEST_RECIPROCAL));
+        // A near camera moves the outline in proportion to the square of its reach: of a small grain that is less than what the
+        // outline may be off by.
+        let told = |f: &Fit| {
+            let sigma = f.sigma(RECIPROCAL, MODEST_RECIPROCAL);
+            (f.parameters[RECIPROCAL], sigma.hypot(OUTLINE_PX / f.mean_reach_px.powi(2)))
+        };
         let (q, sigma) = told(&turning.fit);
         // Seen from a finite distance, the grain's mirror image turning the other way would need a camera behind it.
         if q < -SEEN_SIGMAS * sigma {

@@ -6,8 +6,9 @@
 //! place to the next. With wrong angles nearly all of them are off. So a Cauchy likelihood of its steps, and of what
 //! is negative, tells where the angles went wrong (Huber and Ronchetti, Robust Statistics, 2009, on why not squares).
 
-use super::closing::{Closing, closings};
+use super::closing::{Closing, closings, near_closings};
 use super::fit::{Fit, MODEST, Priors, Sample, Spreads, fit};
+use super::profile::Line;
 use nalgebra::DMatrix;
 
 /// The evidence that a change must have: what the curvatures' likelihood gains for every height, weighed against what
@@ -35,6 +36,17 @@ const CURVATURE_RAD: f64 = 0.15 * RAD_PER_DEG;
 const CURVATURE_GAIN: f64 = 3.0;
 /// How far every step of a stage may be off, as a share (standard deviation): a belt's or a worm's pitch, a gear's teeth.
 pub(super) const STEP_SIZE: f64 = 0.006;
+/// From here on it is asked of the views that see the same outline once a change is mended how much it is: rounds, the share of
+/// [`CLOSING_RAD`] that is near enough, how far they may differ, squared (1 is expected), and how many standard deviations a
+/// change must be.
+const SETTLED_RAD: f64 = 2.0 * RAD_PER_DEG;
+const SETTLING: usize = 14;
+const SETTLED_SHARE: f64 = 0.5;
+const AGREE: f64 = 6.0;
+const SURE_SIGMAS: f64 = 3.5;
+const SURE_STEP_SIGMAS: f64 = 12.0;
+/// What they may be off by, as a share of the angle between their directions.
+const GAP_SHARE: f64 = 0.1;
 /// How many places are worked out in full.
 const WORKED_OUT: usize = 4;
 /// A place whose evidence is no more than this below the best one's is as good.
@@ -55,13 +67,15 @@ const WHOLE_RAD: f64 = 0.04 * RAD_PER_DEG;
 const WHOLE_SHARE: f64 = 0.25;
 /// Most changes that are told in one session.
 const MOST_CHANGES: usize = 3;
-/// Directions closer than this are one, radians.
+/// Directions closer than this are one, radians, or closer than this share of the usual angle between views: between directions
+/// at half that angle the curvature is four times less sure, which would speak against every change that puts them there.
 const SAME_RAD: f64 = 0.05;
+const SAME_SHARE: f64 = 0.55;
 /// Curvature's steps of this share of their median are ordinary, and what a negative curvature costs beside a step.
 const ORDINARY: f64 = 0.5;
 const NEGATIVE: f64 = 2.0;
-/// Directions that costs are stated for.
-const DIRECTIONS: f64 = 50.0;
+/// Most directions that the evidence is stated for: those of half a turn's usual views. Between more the curvature is less sure.
+const MOST_DIRECTIONS: f64 = 50.0;
 /// Rounds of working a place out.
 const ROUNDS: usize = 2;
 
@@ -147,7 +161,9 @@ impl Turning {
 /// Looks for changes until none is left; `first` is the fit at `angles`.
 pub(super) fn look(views: &[Sample], angles: &[f64], priors: &Priors, first: Fit) -> Turning {
     let mut now = Turning::as_told(angles, first);
-    while now.found.len() < MOST_CHANGES && !now.found.iter().any(|f| f.or_step) {
+    // After a large change the angles are not known well enough to tell small ones.
+    while now.found.len() < MOST_CHANGES && !now.found.iter().any(|f| f.or_step || f.rad.abs() > SETTLED_RAD)
+    {
         let Some(next) = one(views, priors, &now) else { break };
         now = next;
     }
@@ -160,6 +176,8 @@ struct Tried {
     change: Change,
     rad: f64,
     cost: f64,
+    /// How much it is, with its standard deviation, where views told that see the same outline once it is mended.
+    told: Option<[f64; 2]>,
 }
 
 /// What changes are held against.
@@ -167,6 +185,8 @@ struct Search<'a> {
     angles: &'a [f64],
     /// Heights whose curvatures the cost is summed over.
     heights: f64,
+    /// How many directions the cost is stated for.
+    directions: f64,
     /// An ordinary step of the curvature, pixels.
     ordinary: f64,
     closings: Vec<Closing>,
@@ -182,6 +202,7 @@ impl<'a> Search<'a> {
         let mut search = Self {
             angles: &now.angles,
             heights: now.fit.shape.ncols() as f64,
+            directions: (before.len() as f64).min(MOST_DIRECTIONS),
             ordinary,
             closings: closings(views, &now.angles, &now.fit.line),
             unchanged: cost(&before, ordinary),
@@ -196,7 +217,12 @@ impl<'a> Search<'a> {
     }
 
     fn tried(&self, change: Change, rad: f64, shape: &DMatrix<f64>) -> Tried {
-        Tried { change, rad, cost: cost(&curvatures(&self.moved(change, rad), shape), self.ordinary) }
+        Tried {
+            change,
+            rad,
+            told: None,
+            cost: cost(&curvatures(&self.moved(change, rad), shape), self.ordinary),
+        }
     }
 
     /// What a change must make of a pair of closing views: its own share of them, radians for each radian.
@@ -220,14 +246,16 @@ impl<'a> Search<'a> {
 
     /// What the curvatures' likelihood gains by a change, natural logarithms for each height.
     fn gain(&self, t: &Tried) -> f64 {
-        (self.unchanged - t.cost) / self.heights
+        self.directions * (self.unchanged - t.cost) / self.heights
     }
 
     /// What speaks for a change, natural logarithms.
     fn evidence(&self, t: &Tried) -> f64 {
         let gain = self.gain(t);
         let closes = self.closes(t);
-        if closes < -REFUTED || (t.rad.abs() > LINEAR_RAD && gain < LARGE_GAIN) {
+        let refuted =
+            t.rad.abs() > LINEAR_RAD && self.shares(t.change).any(|(c, share)| c.refutes(t.rad * share));
+        if refuted || closes < -REFUTED || (t.rad.abs() > LINEAR_RAD && gain < LARGE_GAIN) {
             return 0.0;
         }
         GAIN_WEIGHT * gain + closes
@@ -238,9 +266,53 @@ impl<'a> Search<'a> {
         self.nothing - self.amiss(t.change, t.rad)
     }
 
+    /// A large change as the views that see the same outline once it is mended tell how much it is. None where they do not agree
+    /// that it happened; as it is where there are none at all.
+    fn settled(&self, t: Tried, views: &[Sample], line: &Line) -> Option<Tried> {
+        if t.rad.abs() < SETTLED_RAD {
+            return Some(t);
+        }
+        let pattern = t.change.pattern(self.angles);
+        let (mut rad, mut before, mut part) = (t.rad, 0.0_f64, 1.0);
+        for _ in 0..SETTLING {
+            let (mut weights, mut sum, mut squares, mut met) = (0.0, 0.0, 0.0, 0);
+            for c in near_closings(views, &self.moved(t.change, rad), line) {
+                let share = pattern[c.views[1]] - pattern[c.views[0]];
+                let weight = 1.0 / (variance(&c, 0.0) + (GAP_SHARE * c.gap_rad).powi(2));
+                weights += weight * share * share;
+                sum += weight * share * c.rad;
+                squares += weight * c.rad * c.rad;
+                met += 1;
+            }
+            if weights == 0.0 {
+                // Where others see the same outline as it is, they would have to when it is mended.
+                let told = Some([rad, LINEAR_RAD]);
+                return self.closings.is_empty().then_some(Tried { told, rad, ..t });
+            }
+            let more = sum / weights;
+            // Midway between two directions now the one, now the other is nearer, and each is off the other way.
+            if more * before < 0.0 && more.abs().max(before.abs()) < LINEAR_RAD {
+                part *= 0.5;
+            }
+            before = more;
+            if part * more.abs() < SETTLED_SHARE * CLOSING_RAD {
+                let sigma = weights.sqrt().recip().hypot(more);
+                // A gear that was noted wrong is rarer than a grain that slips.
+                let sigmas = if t.change == Change::Step { SURE_STEP_SIGMAS } else { SURE_SIGMAS };
+                let sure = squares < AGREE * f64::from(met) && rad.abs() > LEAST_RAD.max(sigmas * sigma);
+                return sure.then_some(Tried { told: Some([rad, sigma]), rad, ..t });
+            }
+            rad += part * more.clamp(-LINEAR_RAD, LINEAR_RAD);
+        }
+        None
+    }
+
     /// How much, with its standard deviation: what the curvature says, what the closing views do, and how far steps are
     /// off at most.
     fn how_much(&self, place: &Tried) -> [f64; 2] {
+        if let Some(told) = place.told {
+            return told;
+        }
         let told = (self.gain(place) / CURVATURE_GAIN).clamp(0.1, 1.0);
         let mut weights = (CURVATURE_RAD / told).powi(-2);
         let mut sum = weights * place.rad;
@@ -286,10 +358,13 @@ fn one(views: &[Sample], priors: &Priors, now: &Turning) -> Option<Turning> {
     let mut places: Vec<Tried> = tried.iter().take(WORKED_OUT).map(|t| t.1).collect();
     places.extend(step);
     let worked = places.into_iter().filter_map(|t| {
+        let t = search.settled(t, views, &now.fit.line)?;
         let angles = search.moved(t.change, t.rad);
         let fitted = fit(views, &angles, priors, &now.fit.line, Spreads::Known(now.fit.hyper), ROUNDS)?;
-        let (score, fine) = (-FINE.1..=FINE.1)
-            .map(|k| search.tried(t.change, t.rad + f64::from(k) * FINE.0, &fitted.shape))
+        let (pitch, count) = if t.told.is_some() { (0.0, 0) } else { FINE };
+        let (score, fine) = (-count..=count)
+            .map(|k| search.tried(t.change, t.rad + f64::from(k) * pitch, &fitted.shape))
+            .map(|fine| Tried { told: t.told, ..fine })
             .map(|t| (search.evidence(&t), t))
             .max_by(|a, b| a.0.total_cmp(&b.0))?;
         Some((score, fine, fitted))
@@ -297,7 +372,11 @@ fn one(views: &[Sample], priors: &Priors, now: &Turning) -> Option<Turning> {
     let mut worked: Vec<(f64, Tried, Fit)> = worked.collect();
     worked.sort_by(|a, b| b.0.total_cmp(&a.0));
     let stepped = worked.iter().find(|w| w.1.change == Change::Step).map(|w| (w.0, w.1));
-    let (score, place, fitted) = worked.into_iter().next()?;
+    let sure = |(score, place, _): &(f64, Tried, Fit)| {
+        let [rad, sigma_rad] = search.how_much(place);
+        *score > LEAST_EVIDENCE && rad.abs() > LEAST_RAD.max(SURE_SIGMAS * sigma_rad)
+    };
+    let (score, place, fitted) = worked.into_iter().find(sure)?;
     let [rad, sigma_rad] = search.how_much(&place);
     let mut angles = search.moved(place.change, rad);
     let lost_steps = lost_steps(&place, [rad, sigma_rad], &search, priors);
@@ -359,6 +438,11 @@ fn curvatures(angles: &[f64], shape: &DMatrix<f64>) -> Vec<Vec<f64>> {
     let mut order: Vec<(f64, usize)> = t.enumerate().map(|(i, t)| (t.rem_euclid(TAU), i)).collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0));
     let m = shape.ncols();
+    let mut between: Vec<f64> = angles.windows(2).map(|w| (w[1] - w[0]).abs()).collect();
+    let middle = between.len() / 2;
+    let usual =
+        if between.is_empty() { 0.0 } else { *between.select_nth_unstable_by(middle, f64::total_cmp).1 };
+    let same = SAME_RAD.max(SAME_SHARE * usual);
     let mut merged: Vec<(f64, Vec<f64>)> = Vec::new();
     let join = |into: &mut (f64, Vec<f64>), t: f64, h: &[f64]| {
         into.0 = 0.5 * (into.0 + t);
@@ -367,12 +451,12 @@ fn curvatures(angles: &[f64], shape: &DMatrix<f64>) -> Vec<Vec<f64>> {
     for (t, i) in order {
         let h: Vec<f64> = shape.row(i).iter().copied().collect();
         match merged.last_mut() {
-            Some(last) if t - last.0 < SAME_RAD => join(last, t, &h),
+            Some(last) if t - last.0 < same => join(last, t, &h),
             _ => merged.push((t, h)),
         }
     }
     if merged.len() > 3
-        && merged[0].0 + TAU - merged[merged.len() - 1].0 < SAME_RAD
+        && merged[0].0 + TAU - merged[merged.len() - 1].0 < same
         && let Some((t, h)) = merged.pop()
     {
         join(&mut merged[0], t - TAU, &h);
@@ -406,9 +490,10 @@ fn ordinary_step(curvatures: &[Vec<f64>]) -> f64 {
     }
 }
 
+/// What a direction costs in the mean, summed over the heights: minus a logarithm of the likelihood.
 fn cost(curvatures: &[Vec<f64>], ordinary: f64) -> f64 {
     let jumps: f64 = steps(curvatures).map(|d| 0.5 * (d / ordinary).powi(2).ln_1p()).sum();
     let negative: f64 = curvatures.iter().flatten().map(|r| (-r).max(0.0)).sum();
-    // For as many directions as a clean half turn has, however many have been joined.
-    (jumps + NEGATIVE * negative / ordinary) / curvatures.len() as f64 * DIRECTIONS
+    // A mean, however many directions have been joined.
+    (jumps + NEGATIVE * negative / ordinary) / curvatures.len() as f64
 }

@@ -44,6 +44,9 @@ const TOP_MORE_PX: [f64; 2] = [1.0, 2.0];
 /// What the area may break its bounds by, as a share of the mean area: a hundredth is a third of a pixel all round
 /// a grain of 130 px.
 const AREA_SHARE: [f64; 2] = [0.02, 0.06];
+/// And so many pixels more all round a disc of that area before it is bad: a view by itself may cut a small grain at another row
+/// than all views together do.
+const AREA_MORE_PX: [f64; 2] = [0.0, 0.6];
 /// What a reach may break its bounds by, as a share of the mean width.
 const REACH_SHARE: [f64; 2] = [0.01, 0.04];
 /// And this much more, pixels: bearings and cameras shake by fractions of one.
@@ -270,7 +273,10 @@ impl Series {
         let mean = |f: fn(&Traits) -> f64| views.iter().map(|v| f(v.traits)).sum::<f64>() / n;
         let width = mean(|t| t.columns[1] - t.columns[0]);
         [0, 1].map(|k| match self {
-            Self::Area => AREA_SHARE[k] * mean(|t| t.filled_px),
+            Self::Area => {
+                let area = mean(|t| t.filled_px);
+                AREA_SHARE[k] * area + AREA_MORE_PX[k] * 2.0 * (std::f64::consts::PI * area).sqrt()
+            }
             _ => REACH_SHARE[k] * width + REACH_MORE_PX[k],
         })
     }

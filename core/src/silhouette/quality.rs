@@ -4,7 +4,7 @@
 
 use super::edge::{self, Edge, Part};
 use super::smear::{self, Smear};
-use super::{Found, Polarity, Side, Source};
+use super::{Found, Polarity, Side, Silhouette, Source};
 use serde::{Deserialize, Serialize};
 
 /// A blur of this share of the grain's diameter is doubtful, of the other bad. Half-way levels place a blurred
@@ -167,6 +167,26 @@ pub struct Traits {
     pub pixels: u64,
 }
 
+impl Traits {
+    /// Takes area, columns, top and height from an outline: again where it was cut otherwise.
+    pub fn take_outline(&mut self, s: &Silhouette) {
+        let extents = s.extents_px();
+        let spans = || extents.iter().flatten();
+        let first = extents.iter().position(Option::is_some).unwrap_or(0);
+        let last = extents.iter().rposition(Option::is_some).unwrap_or(0);
+        // The deepest pixel of the first row lies as far below the outline's top as its distance says.
+        let line = &s.distance_px[first * s.size[0]..(first + 1) * s.size[0]];
+        let depth = f64::from(line.iter().copied().fold(0.0, f32::min));
+        self.filled_px = spans().map(|[left, right]| right - left).sum();
+        self.columns = [
+            spans().map(|e| e[0]).fold(f64::INFINITY, f64::min),
+            spans().map(|e| e[1]).fold(f64::NEG_INFINITY, f64::max),
+        ];
+        self.top = (s.origin[1] + first) as f64 + depth;
+        self.height = (last + 1 - first) as f64;
+    }
+}
+
 /// Judges a picture by itself; also its figures for [`between`](super::between()). Reads only the pixels within a few
 /// dozen of the outline.
 pub fn assess(picture: &dyn Source, found: &Found) -> (ViewQuality, Traits) {
@@ -179,29 +199,19 @@ pub fn assess(picture: &dyn Source, found: &Found) -> (ViewQuality, Traits) {
     checks.push(clipping(&edge, report.polarity));
     checks.push(border(report.touches_border));
     checks.push(contrast(report.contrast, report.noise));
-    let s = &found.silhouette;
-    let extents = s.extents_px();
-    let spans = || extents.iter().flatten();
-    let first = extents.iter().position(Option::is_some).unwrap_or(0);
-    let last = extents.iter().rposition(Option::is_some).unwrap_or(0);
-    // The deepest pixel of the first row lies as far below the outline's top as its distance says.
-    let line = &s.distance_px[first * s.size[0]..(first + 1) * s.size[0]];
-    let depth = f64::from(line.iter().copied().fold(0.0, f32::min));
-    let traits = Traits {
+    let mut traits = Traits {
         blur_px: edge.blur_px,
         full_share: edge.full_share,
         background: edge.background,
         contrast: report.contrast,
         noise: edge.noise,
-        filled_px: spans().map(|[left, right]| right - left).sum(),
-        columns: [
-            spans().map(|e| e[0]).fold(f64::INFINITY, f64::min),
-            spans().map(|e| e[1]).fold(f64::NEG_INFINITY, f64::max),
-        ],
-        top: (s.origin[1] + first) as f64 + depth,
-        height: (last + 1 - first) as f64,
+        filled_px: 0.0,
+        columns: [0.0; 2],
+        top: 0.0,
+        height: 0.0,
         pixels: fingerprint(&part, found),
     };
+    traits.take_outline(&found.silhouette);
     (ViewQuality::of(checks), traits)
 }
 

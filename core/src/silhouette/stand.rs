@@ -11,7 +11,7 @@ use serde::Serialize;
 /// A view whose pedestal is further from the joint one than this many standard deviations (of the views about it)
 /// disagrees …
 const SIGMAS: f64 = 4.0;
-/// … provided it is off by more than this, pixels, or by this slope.
+/// … provided it is off by more than this, pixels, or by this slope, or by a slope that lifts its edge by as many pixels.
 const LEAST_OFF_PX: f64 = 0.75;
 const LEAST_OFF_SLOPE: f64 = 0.01;
 /// From so few views no scatter can be told.
@@ -85,11 +85,11 @@ pub fn joint_stand(views: &[Option<PedestalSeen>]) -> Option<Stand> {
         (value, (SIGMAS * sd).max(least))
     };
     let centre = middle(&|p| p.centre_column, f64::INFINITY).0;
-    let slope = middle(&|p| p.top_slope, LEAST_OFF_SLOPE);
+    let half = middle(&|p| p.half_width, LEAST_OFF_PX);
+    let slope = middle(&|p| p.top_slope, LEAST_OFF_SLOPE.max(LEAST_OFF_PX / half.0.max(1.0)));
     // Tops are compared in one column: views that are shifted sideways see the same top elsewhere.
     let top_of = |p: &PedestalSeen| p.top_row + slope.0 * (centre - p.centre_column);
     let top = middle(&top_of, LEAST_OFF_PX);
-    let half = middle(&|p| p.half_width, LEAST_OFF_PX);
     let agrees = |p: &PedestalSeen| {
         (top_of(p) - top.0).abs() <= top.1
             && (p.half_width - half.0).abs() <= half.1
