@@ -19,6 +19,22 @@
 //! | [`silhouette`] | the grain's outline in a photograph, to a fraction of a pixel, and whether it can be trusted |
 //! | [`geometry`] | points, transforms, cameras, angles |
 //! | [`plausible`] | figures that look like slips of unit |
+//!
+//! A body is anything that is negative inside (a hull, a surface, a ball), and is meshed as such:
+//!
+//! ```
+//! use grainrig_core::geometry::{Ball, Point};
+//! use grainrig_core::mesh::{Controls, mesh};
+//!
+//! let ball = Ball { center: Point::origin(), radius_mm: 0.5 };
+//! let controls = Controls { surface_size_mm: 0.15, ..Controls::for_size(2.0) };
+//! let tets = mesh(&ball, &controls, &mut |_| ())?;
+//! assert!((tets.volume_mm3() / 0.5236 - 1.0).abs() < 0.01);
+//! assert!(tets.quality().dihedral_deg.min > 15.0);
+//! # Ok::<(), grainrig_core::mesh::MeshError>(())
+//! ```
+//!
+//! Larger ones, each narrated: `examples/silhouettes_to_hull.rs`, `body_to_abaqus.rs`, `sphere_between_plates.rs`.
 
 pub mod calibrate;
 pub mod contact;

@@ -27,6 +27,8 @@ const MODEST_RISE: f64 = 4.4;
 const NOTED_DISTANCE: f64 = 0.5;
 /// What an outline may be off by on one side all along, pixels (standard deviation).
 const OUTLINE_PX: f64 = 0.08;
+/// What of it a near camera may be taken for, pixels (standard deviation).
+const NEAR_PX: f64 = 0.03;
 /// Widest gap between views over which slips can be told, degrees.
 const WIDEST_GAP_DEG: f64 = 20.0;
 /// Where the pictures speak against the sense of rotation by so many standard uncertainties, this is said. That parallel
@@ -144,7 +146,7 @@ impl Worked {
         // outline may be off by.
         let told = |f: &Fit| {
             let sigma = f.sigma(RECIPROCAL, MODEST_RECIPROCAL);
-            (f.parameters[RECIPROCAL], sigma.hypot(OUTLINE_PX / f.mean_reach_px.powi(2)))
+            (f.parameters[RECIPROCAL], sigma.hypot(NEAR_PX / f.mean_reach_px.powi(2)))
         };
         let (q, sigma) = told(&turning.fit);
         // Seen from a finite distance, the grain's mirror image turning the other way would need a camera behind it.

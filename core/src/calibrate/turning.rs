@@ -287,7 +287,7 @@ impl<'a> Search<'a> {
             if weights == 0.0 {
                 // Where others see the same outline as it is, they would have to when it is mended.
                 let told = Some([rad, LINEAR_RAD]);
-                return self.closings.is_empty().then_some(Tried { told, rad, ..t });
+                return self.closings.is_empty().then_some(Tried { rad, told, ..t });
             }
             let more = sum / weights;
             // Midway between two directions now the one, now the other is nearer, and each is off the other way.
@@ -300,7 +300,7 @@ impl<'a> Search<'a> {
                 // A gear that was noted wrong is rarer than a grain that slips.
                 let sigmas = if t.change == Change::Step { SURE_STEP_SIGMAS } else { SURE_SIGMAS };
                 let sure = squares < AGREE * f64::from(met) && rad.abs() > LEAST_RAD.max(sigmas * sigma);
-                return sure.then_some(Tried { told: Some([rad, sigma]), rad, ..t });
+                return sure.then_some(Tried { rad, told: Some([rad, sigma]), ..t });
             }
             rad += part * more.clamp(-LINEAR_RAD, LINEAR_RAD);
         }
