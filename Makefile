@@ -1,5 +1,5 @@
 # grainrig: `make demo` and `make test` do all the set-up on a fresh Debian or Ubuntu that has Rust and Node.
-.PHONY: all demo test test-long test-hil run check bench tools drivers clean
+.PHONY: all demo quick test test-long test-hil run check bench tools drivers clean
 .DEFAULT_GOAL := all
 
 CARGO ?= cargo
@@ -30,6 +30,11 @@ run: all
 test: tools drivers
 	$(CARGO) test $(FEATURES)
 	cd web && GRAINRIG_BIN=$(CURDIR)/target/debug/grainrig CHROMIUM="$$( $(FIND_BROWSER) )" npm test
+
+# While working: every unit test of both crates, and what stands between the rooms. Nothing is installed.
+quick:
+	$(CARGO) test $(FEATURES) --workspace --lib
+	$(CARGO) test $(FEATURES) --test layering --test session --test acquire --test silhouette --test numbers --test serve
 
 # The Rust tests with the hours: more rigs, grains, kills, mutations, meshes.
 LONG := GRAINRIG_RIGS=60 GRAINRIG_ALL=1 GRAINRIG_BODIES=500 GRAINRIG_GRAINS=100 GRAINRIG_MERGES=1 GRAINRIG_PLANS=1 \

@@ -24,9 +24,7 @@ fn cube() -> String {
     for [a, b, c, d] in faces {
         for triangle in [[a, b, c], [a, c, d]] {
             text += "facet normal 0 0 0\nouter loop\n";
-            for [x, y, z] in triangle.map(corner) {
-                text += &format!("vertex {x} {y} {z}\n");
-            }
+            text.extend(triangle.map(corner).map(|[x, y, z]| format!("vertex {x} {y} {z}\n")));
             text += "endloop\nendfacet\n";
         }
     }

@@ -21,6 +21,9 @@ impl ImplicitBody for Twin {
 }
 
 /// Runs it; the deck, and the mesh's least dihedral angle in degrees.
+///
+/// # Errors
+/// A mesh that breaks a control, or a body that has none.
 pub fn run() -> Result<(String, f64), Box<dyn Error>> {
     let ball = |x: f64, radius_mm: f64| Ball { center: Point::new(x, 0.0, radius_mm), radius_mm };
     let grain = Twin([ball(-0.2, 0.4), ball(0.25, 0.3)]);

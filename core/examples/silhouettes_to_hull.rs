@@ -27,6 +27,9 @@ fn disc() -> Vec<f32> {
 }
 
 /// Runs it; the hull's volume over the ball's.
+///
+/// # Errors
+/// Views that have no body in common.
 pub fn run() -> Result<f64, Box<dyn Error>> {
     // The outline: for every pixel how far it is from it, negative inside.
     let outline = Arc::new(Silhouette::of_coverage([SIZE_PX; 2], &disc()).ok_or("the disc is empty")?);

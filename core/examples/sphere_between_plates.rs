@@ -10,6 +10,9 @@ use std::error::Error;
 const RADIUS_MM: f64 = 0.4;
 
 /// Runs it; the last force over that of the two-plate form.
+///
+/// # Errors
+/// A mesh or a loading that can't be computed.
 pub fn run() -> Result<f64, Box<dyn Error>> {
     let ball = Ball { center: Point::origin(), radius_mm: RADIUS_MM };
     // Elements of 25 µm where the plates touch, 150 µm elsewhere.
