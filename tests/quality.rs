@@ -5,7 +5,8 @@ use grainrig::rig::{Camera as _, RotationStage as _};
 use grainrig_core::formats::decode;
 use grainrig_core::geometry::Angle;
 use grainrig_core::silhouette::{
-    self, Check, Picture, Placed, Source, Traits, Verdict, ViewQuality, against, assess, between,
+    self, Check, Found, Picture, Placed, Source, Traits, Verdict, ViewQuality, against, assess, between,
+    joint_stand,
 };
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -284,13 +285,25 @@ fn sized(size_px: f64, seed: u64) -> Settings {
 /// Views over half a turn and the one that closes it, as a plan takes them.
 fn plan(settings: &Settings, views: usize) -> Vec<Seen> {
     let (mut stage, mut camera, _) = simulated::open(settings).unwrap();
-    (0..=views)
+    let mut made: Vec<(Found, Seen)> = (0..=views)
         .map(|n| {
             let deg = 180.0 * n as f64 / views as f64;
             stage.move_to(Angle::from_deg(deg)).unwrap();
-            seen(&decode(&camera.capture().unwrap().bytes).unwrap(), None, Some(deg))
+            let picture = decode(&camera.capture().unwrap().bytes).unwrap();
+            let found = silhouette::find(&picture, None, &silhouette::Settings::default()).unwrap();
+            let (quality, traits) = assess(&picture, &found);
+            (found, Seen { angle_deg: Some(deg), quality, traits })
         })
-        .collect()
+        .collect();
+    // As in the pipeline: every view is cut where all of them show the pedestal's top.
+    let own: Vec<_> = made.iter().map(|(found, _)| found.report.pedestal).collect();
+    if let Some(stand) = joint_stand(&own) {
+        for (found, seen) in &mut made {
+            found.recut(stand.seen_by(found.report.pedestal));
+            seen.traits.take_outline(&found.silhouette);
+        }
+    }
+    made.into_iter().map(|(_, seen)| seen).collect()
 }
 
 /// How many of some views and sizes the sweep goes through: (views, grains' sizes in pixels, seeds).
