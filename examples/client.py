@@ -95,7 +95,8 @@ def main():
     parser.add_argument("--url", default="http://127.0.0.1:7272", help="where the daemon is")
     parser.add_argument("--token", help="the daemon's token, where it has one")
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("."), help="folder for the results")
-    parser.add_argument("--to-force-n", type=float, default=2.0, help="compress to this force, N")
+    parser.add_argument("--to-force-n", type=float, default=2.0,
+                        help="compress to this force, N; from 2 N on it goes on to 8 N, so that the transition is known")
     parser.add_argument("--size-at-contact-mm", type=float, help="the same where the plates touch, mm")
     parser.add_argument("--size-mm", type=float, help="largest circumradius of a surface facet, mm")
     asked = parser.parse_args()
