@@ -1,5 +1,6 @@
 //! A recorded session replays to the same bytes, and `verify` finds every change of them.
 
+#[path = "support/kit/mod.rs"]
 mod kit;
 
 use grainrig::acquire::Control;
