@@ -5,10 +5,10 @@ use super::mesh_files::outwards;
 use super::output::{print, print_json, say};
 use super::{Common, usage};
 use crate::daemon::{
-    CompressInput, CompressMaterial, CompressProgress, CompressRequest, CompressResult, Compression,
-    DaemonError, OtherCurve, experiment_lines, transition_line,
+    Claim, CompressInput, CompressMaterial, CompressProgress, CompressRequest, CompressResult, Compression,
+    DaemonError, OtherCurve, claim_of, experiment_lines, session_grain, transition_line,
 };
-use crate::session::Recording;
+use crate::session::{Recording, to_json_value};
 use anyhow::{Context as _, Result, bail};
 use clap::Args;
 use grainrig_core::contact::ContactError;
@@ -16,14 +16,13 @@ use grainrig_core::contact::CurvePoint;
 use grainrig_core::contact::experiment::{self, Compliance};
 use grainrig_core::formats::{inp_read, msh, stl};
 use grainrig_core::geometry::TriangleMesh;
+use serde_json::json;
 use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 /// The most that is read of an export or of another compression's result.
 const MOST_BYTES: u64 = 64 << 20;
-/// The product that holds a session's surface.
-const SURFACE: &str = "grain.stl";
 
 /// Options of `compress`.
 #[derive(Debug, Args)]
@@ -100,7 +99,8 @@ pub struct Arguments {
     /// Other compressions (their folders) whose curves are drawn beside.
     #[arg(long, value_name = "DIR", num_args = 1..)]
     beside: Vec<PathBuf>,
-    /// The folder of the results; by default NAME-compressed here.
+    /// The folder of the results; by default a session's own compressions/, where the monitor shows it, and
+    /// NAME-compressed here for a file.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Go on with the interrupted compression of this folder; its own settings hold.
@@ -140,13 +140,11 @@ pub(super) fn run(common: &Common, a: &Arguments) -> Result<()> {
         let mut phase = String::new();
         let mut tell = |now: &str, done: f64| set_up(&meshing, &mut phase, now, done);
         tell("reading the body", 0.0);
-        let (input, out) = input(common, a)?;
         let name = a.input.as_ref().map(|path| path.display().to_string());
-        let request = request(a, common.as_given);
-        let settings = request.settings().map_err(usage)?;
-        let made = Compression::begin(&out, input, &request.placing(), settings, &mut tell);
+        let claim = claim(common, a, name.as_deref())?;
+        let made = claim.build(&mut tell);
         meshing.finish_and_clear();
-        made.map_err(|e| named(e, name))?
+        made.map_err(|e| named(e, name.as_deref()))?
     };
     let (elements, nodes, step_s) = compression.size();
     say(format!("{elements} tetrahedra, {nodes} nodes, steps of {:.3} ns", 1e9 * step_s));
@@ -163,21 +161,24 @@ pub(super) fn run(common: &Common, a: &Arguments) -> Result<()> {
     for w in &result.warnings {
         say(format!("warning: {w}"));
     }
+    let folder = compression.folder();
     if common.json {
-        return print_json(&result);
+        let mut object = to_json_value(&result)?;
+        object["folder"] = json!(folder.canonicalize().unwrap_or_else(|_| folder.to_owned()));
+        return print_json(&object);
     }
-    print(&told(&result))
+    print(&told(&result, folder))
 }
 
 /// What is wrong with a body begins with the name of its file.
-fn named(error: DaemonError, name: Option<String>) -> anyhow::Error {
+fn named(error: DaemonError, name: Option<&str>) -> anyhow::Error {
     let of_body = match &error {
         DaemonError::Mesh(_) | DaemonError::Doubt(_) => true,
         DaemonError::Contact(e) => !matches!(e, ContactError::Setting { .. } | ContactError::Unstable { .. }),
         _ => false,
     };
     let error = anyhow::Error::new(error);
-    if let (true, Some(name)) = (of_body, name) { error.context(name) } else { error }
+    if let (true, Some(name)) = (of_body, name) { error.context(name.to_owned()) } else { error }
 }
 
 /// What is done before the plates move: the bar, or where nobody sees one a line for each thing.
@@ -233,21 +234,39 @@ fn request(a: &Arguments, as_given: bool) -> CompressRequest {
     }
 }
 
-/// What is compressed, and the folder of the results.
-fn input(common: &Common, a: &Arguments) -> Result<(CompressInput, PathBuf)> {
-    let out = |name: &str| a.out.clone().unwrap_or_else(|| PathBuf::from(format!("{name}-compressed")));
+/// What is asked, in the folder of its results: a session's own compressions, unless told, as the monitor shows them.
+fn claim(common: &Common, a: &Arguments, file: Option<&str>) -> Result<Claim> {
+    let request = request(a, common.as_given);
+    let settings = request.settings().map_err(usage)?;
+    let path = a.input.as_deref().unwrap_or(Path::new("sphere"));
+    let (input, name) = match body(a)? {
+        Some(input) => (input, path.file_stem().unwrap_or_default().to_string_lossy()),
+        None => {
+            let recording = Recording::read(&super::session_folder(common, path)?)?;
+            if a.out.is_none() {
+                let (_, claim) = claim_of(&recording, &request, true)?;
+                return Ok(claim);
+            }
+            (session_grain(&recording)?, path.to_string_lossy())
+        }
+    };
+    let out = a.out.clone().unwrap_or_else(|| PathBuf::from(format!("{name}-compressed")));
+    Claim::new(&out, input, &request.placing(), settings).map_err(|e| named(e, file))
+}
+
+/// The body of a file, or a sphere; `None` for a session.
+fn body(a: &Arguments) -> Result<Option<CompressInput>> {
     if let Some(d) = a.sphere_diameter_mm {
         if !(d.is_finite() && d > 0.0) {
             return Err(usage(format!("--sphere-diameter-mm {d}: it must be positive, in mm")));
         }
-        return Ok((CompressInput::Sphere(d), out("sphere")));
+        return Ok(Some(CompressInput::Sphere(d)));
     }
     let Some(path) = &a.input else { bail!("no input") };
-    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
     if ending == "stl" {
         let surface = surface(path, a.unit)?;
-        return Ok((CompressInput::Surface(surface, path.display().to_string()), out(&name)));
+        return Ok(Some(CompressInput::Surface(surface, path.display().to_string())));
     }
     if ending == "inp" || ending == "msh" {
         let bytes = crate::system::read(path)?;
@@ -259,7 +278,7 @@ fn input(common: &Common, a: &Arguments) -> Result<(CompressInput, PathBuf)> {
                 "--size-mm and --size-at-contact-mm go with a surface or a session; this file is a mesh already",
             ));
         }
-        return Ok((CompressInput::Mesh(mesh, path.display().to_string()), out(&name)));
+        return Ok(Some(CompressInput::Mesh(mesh, path.display().to_string())));
     }
     if path.is_file() {
         return Err(usage(format!(
@@ -267,23 +286,12 @@ fn input(common: &Common, a: &Arguments) -> Result<(CompressInput, PathBuf)> {
             path.display()
         )));
     }
-    let folder = super::session_folder(common, path)?;
-    let recording = Recording::read(&folder)?;
-    if !recording.products().any(|p| p.file == SURFACE) {
-        bail!("session {name} has no surface yet: `grainrig reconstruct {name}` makes it");
-    }
-    // Checked against the journal: another grain's surface is not this session's.
-    let surface = surface_of(&recording.product(SURFACE)?, &folder.join("products").join(SURFACE), Unit::Mm)?;
-    Ok((CompressInput::Surface(surface, format!("session {name}")), out(&name)))
+    Ok(None)
 }
 
 /// The closed surface of an STL file, facing outwards.
 fn surface(path: &Path, unit: Unit) -> Result<TriangleMesh> {
-    surface_of(&crate::system::read(path)?, path, unit)
-}
-
-fn surface_of(bytes: &[u8], path: &Path, unit: Unit) -> Result<TriangleMesh> {
-    let mut surface = stl::read(bytes).with_context(|| path.display().to_string())?;
+    let mut surface = stl::read(&crate::system::read(path)?).with_context(|| path.display().to_string())?;
     surface.vertices.iter_mut().for_each(|p| p.coords *= unit.in_mm());
     Ok(outwards(surface, path)?.0.surface().clone())
 }
@@ -340,7 +348,7 @@ fn bounded(path: &Path, what: &str) -> Result<Vec<u8>> {
 }
 
 /// What a person reads.
-fn told(r: &CompressResult) -> String {
+fn told(r: &CompressResult, folder: &Path) -> String {
     let last = r.curve.last().copied().unwrap_or(CurvePoint { approach_mm: 0.0, force_n: 0.0 });
     let mut lines = vec![
         format!("grain      {}", r.settings.source),
@@ -403,6 +411,7 @@ fn told(r: &CompressResult) -> String {
         lines.extend(experiment_lines(e));
         lines.extend(e.reading.notes.iter().map(|n| format!("note       experiment: {n}")));
     }
+    lines.push(format!("folder     {}", folder.display()));
     lines.push(format!("files      {}", r.files.join(", ")));
     lines.join("\n") + "\n"
 }

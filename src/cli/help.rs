@@ -121,10 +121,11 @@ Examples:
   grainrig compress grain.stl --material plastic --yield-mpa 100 --out plastic --beside grain-compressed
   grainrig compress --sphere-diameter-mm 0.815 --to-approach-mm 0.06 --friction 0
   grainrig compress quartz-07 --experiment test.csv --compliance-um-per-n 0.12
-  grainrig compress --resume quartz-07-compressed
+  grainrig compress --resume data/quartz-07/compressions/elastic
 
 The grain rolls into a stable rest on the lower plate; the approach counts from where the plates touch it (for a
-sphere from its diameter). DIR gets curve.csv, curve.svg and .png, result.json, the deformed mesh with its stresses at
+sphere from its diameter). The results of a session's grain lie in its folder, below compressions/, where the monitor lists
+them; those of a file in NAME-compressed, or in --out. There are curve.csv, curve.svg and .png, result.json, the deformed mesh with its stresses at
 eight stages (stages.pvd for ParaView) and a picture of a cut at each, and the same model as decks for Abaqus/Explicit
 and CalculiX. Ctrl-C writes what there is; after that, or a power failure, the same command again (or --resume DIR)
 goes on with the same bits; at most 20 s of computing are lost.

@@ -84,7 +84,7 @@ async fn listen(common: &Common, config: Config, address: SocketAddr) -> Result<
     let (host, compressing, background) = (rig.host(), rig.compressing(), rig.background());
     say(format!("the monitor is at {monitor} (Ctrl-C ends it); sessions are in {}", common.data.display()));
 
-    if let Some((session, name)) = compressing.go_on() {
+    for (session, name) in compressing.go_on() {
         say(format!("compression {name} of session {session} goes on from where the last program ended"));
     }
 

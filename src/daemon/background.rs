@@ -18,7 +18,7 @@ const NICE: i32 = 19;
 const EACH: Duration = Duration::from_millis(500);
 
 /// What a job is about.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub(super) struct About {
     pub kind: JobKind,
     /// The session whose results it makes.
@@ -27,6 +27,8 @@ pub(super) struct About {
     pub name: Option<String>,
     /// Where a job can be stopped in its middle, this stops it.
     pub stop: Option<Arc<AtomicBool>>,
+    /// What is done where it is taken out of the queue.
+    pub called_off: Option<Arc<dyn Fn() + Send + Sync>>,
 }
 
 impl About {
@@ -37,7 +39,7 @@ impl About {
 }
 
 /// A job with its number.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 struct Numbered {
     job: u64,
     about: About,
@@ -154,6 +156,9 @@ impl Background {
     /// [`BackgroundError::Absent`] and [`BackgroundError::Unstoppable`].
     pub fn cancel(&self, job: u64) -> Result<(), BackgroundError> {
         if let Some(waiting) = self.slot.withdraw(|j| j.job == job) {
+            if let Some(called_off) = &waiting.about.called_off {
+                called_off();
+            }
             Teller::new(job, &waiting.about, Arc::clone(&self.watcher)).state(JobState::Cancelled);
             return Ok(());
         }

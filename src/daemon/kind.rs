@@ -30,8 +30,9 @@ impl ErrorKind {
         let mesh = || error.downcast_ref().map(of_mesh);
         let contact = || error.downcast_ref().map(of_contact);
         let daemon = || error.downcast_ref().map(DaemonError::kind);
+        let compress = || error.downcast_ref().map(CompressError::kind);
         let usage = || (error.is::<ConfigError>() || error.is::<Doubt>()).then_some(Self::Usage);
-        daemon().or_else(session).or_else(mesh).or_else(contact).or_else(usage)
+        daemon().or_else(compress).or_else(session).or_else(mesh).or_else(contact).or_else(usage)
     }
 
     fn usage_if(is_usage: bool) -> Self {

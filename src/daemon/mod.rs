@@ -22,7 +22,8 @@ pub use background::{Background, BackgroundError};
 pub use compressing::{
     Claim, CompressDetails, CompressError, CompressFile, CompressHost, CompressInput, CompressLine,
     CompressMaterial, CompressProgress, CompressRequest, CompressResult, CompressSettings, CompressState,
-    Compression, EnergyResult, ExperimentResult, OtherCurve, Placing, experiment_lines, transition_line,
+    Compression, EnergyResult, ExperimentResult, OtherCurve, Placing, claim_of, experiment_lines,
+    session_grain, transition_line,
 };
 pub use devices::{DeviceLine, devices};
 pub use doctor::{Finding, Health, doctor};

@@ -66,7 +66,7 @@ impl ComputeRequest {
             Self::Verify { session } => (JobKind::Verify, session),
             Self::Merge { session, .. } => (JobKind::Merge, session),
         };
-        About { kind, session: session.clone(), name: None, stop: None }
+        About { kind, session: session.clone(), name: None, stop: None, called_off: None }
     }
 
     /// Whether it makes sense, as far as that can be told before anything is computed.

@@ -196,7 +196,13 @@ fn a_compression_is_cancelled_and_goes_on_when_somebody_wants_it() {
     assert_eq!(daemon.ended().0.code(), Some(0));
     // So it does with one that may be what ended the daemon each time, and with a note that nobody can read.
     let note = lab.data().join(".compression.json");
-    for left in [None, Some(r#"{"session":"quartz","name":"elastic","tries":3}"#), Some("nonsense")] {
+    // The last but one is as an earlier version left it.
+    for left in [
+        None,
+        Some(r#"[{"session":"quartz","name":"elastic","tries":3}]"#),
+        Some(r#"{"session":"quartz","name":"elastic","tries":3}"#),
+        Some("nonsense"),
+    ] {
         if let Some(text) = left {
             std::fs::write(&note, text).unwrap();
         }

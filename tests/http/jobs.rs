@@ -101,6 +101,31 @@ fn a_session_is_made_again_checked_and_healed_as_by_the_command_line() {
 }
 
 #[test]
+fn what_the_command_line_compresses_the_monitor_lists() {
+    let (lab, daemon) = lab(SMALL, &[("quartz", json!({}))]);
+    let options = ["--size-mm", "0.15", "--size-at-contact-mm", "0.1", "--to-force-n", "4", "--json"];
+    let (code, out, said) = lab.run(&[&["compress", "quartz"][..], &options].concat());
+    assert_eq!(code, Some(0), "{said}");
+    let folder = PathBuf::from(serde_json::from_str::<Value>(&out).unwrap()["folder"].as_str().unwrap());
+    assert_eq!(folder, lab.data().join("quartz/compressions/elastic").canonicalize().unwrap());
+    let (_, listed) = daemon.get("/sessions/quartz/compressions");
+    assert_eq!(
+        (&listed[0]["name"], &listed[0]["state"]),
+        (&json!("elastic"), &json!("complete")),
+        "{listed}"
+    );
+    // The same by the other door lies beside it, with the same bits.
+    let mut stream = daemon.events(None);
+    let asked = json!({ "size_mm": 0.15, "size_at_contact_mm": 0.1, "to_force_n": 4.0 });
+    let begun = daemon.post("/sessions/quartz/compressions", Some(&asked)).1;
+    assert_eq!(begun["name"], "elastic-2");
+    let (_, jobs) = daemon.get("/jobs");
+    assert_eq!(ended(&mut stream, jobs[0]["job"].as_u64().unwrap()).last().unwrap()["state"], "complete");
+    let curve = |name: &str| std::fs::read(folder.with_file_name(name).join("curve.csv")).unwrap();
+    assert!(curve("elastic") == curve("elastic-2"), "the curves differ");
+}
+
+#[test]
 fn two_captures_are_merged_as_by_the_command_line() {
     let turned = json!({ "simulated": { "grain_rotation_deg": [90.0, 0.0, 65.0] } });
     let (lab, daemon) = lab(POSES, &[("a", json!({})), ("b", turned)]);
@@ -143,6 +168,24 @@ fn jobs_wait_for_one_another_and_are_called_off() {
     // One that was taken out of the queue can be gone on with.
     assert_eq!(daemon.post("/sessions/quartz/compressions/elastic-2/resume", None).0, 204);
     assert_eq!(daemon.post("/compressions/current/cancel", None).0, 204);
+}
+
+#[test]
+fn compressions_that_wait_go_on_after_the_program_was_killed() {
+    let (lab, mut daemon) = lab(SMALL, &[("quartz", json!({}))]);
+    let asked = json!({ "size_mm": 0.15, "size_at_contact_mm": 0.1, "to_force_n": 4.0 });
+    for name in ["elastic", "elastic-2"] {
+        assert_eq!(daemon.post("/sessions/quartz/compressions", Some(&asked)).1["name"], name);
+    }
+    daemon.signal("KILL");
+    daemon.ended();
+    let next = lab.serve();
+    let mut stream = next.events(None);
+    let (_, jobs) = next.get("/jobs");
+    let names: Vec<_> = jobs.as_array().unwrap().iter().map(|job| job["name"].clone()).collect();
+    assert_eq!(names, ["elastic", "elastic-2"], "{jobs}");
+    assert_eq!(ended(&mut stream, jobs[1]["job"].as_u64().unwrap()).last().unwrap()["state"], "complete");
+    assert!(!lab.data().join(".compression.json").exists());
 }
 
 #[test]

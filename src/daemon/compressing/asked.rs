@@ -203,6 +203,20 @@ pub(super) struct Asked {
     pub settings: CompressSettings,
 }
 
+impl Asked {
+    /// What is asked of a body; the figures that look like slips of unit are named in it.
+    pub(super) fn new(
+        input: &CompressInput,
+        placing: &Placing,
+        settings: &CompressSettings,
+    ) -> Result<Self, DaemonError> {
+        let mut settings = settings.clone();
+        let doubts = body::doubts(input, placing, settings.loading.to_approach_mm);
+        settings.taken_as_given.extend(plausible::settle(doubts, settings.as_given)?);
+        Ok(Self { input: input.name(), sha256: input.sha256(), placing: *placing, settings })
+    }
+}
+
 /// What was asked in a folder; `None` where nothing was, or nobody can read it.
 pub(super) fn asked(folder: &Path) -> Option<Asked> {
     serde_json::from_slice(&read_inside(folder, ASKED, TEXT_LIMIT).ok()?).ok()
@@ -239,16 +253,9 @@ impl Claim {
         folder: &Path,
         input: CompressInput,
         placing: &Placing,
-        mut settings: CompressSettings,
+        settings: CompressSettings,
     ) -> Result<Self, DaemonError> {
-        let doubts = body::doubts(&input, placing, settings.loading.to_approach_mm);
-        settings.taken_as_given.extend(plausible::settle(doubts, settings.as_given)?);
-        let wanted = Asked {
-            input: input.name(),
-            sha256: input.sha256(),
-            placing: *placing,
-            settings: settings.clone(),
-        };
+        let wanted = Asked::new(&input, placing, &settings)?;
         let goes_on = match asked(folder) {
             Some(before) => (before == wanted && !is_finished(folder)) || !folder.join(MESH).exists(),
             None => is_free(folder),
@@ -261,7 +268,7 @@ impl Claim {
         let held = hold(folder)?;
         let text = serde_json::to_vec_pretty(&wanted).map_err(|e| DaemonError::Encode(e.to_string()))?;
         write_whole(folder, ASKED, &text)?;
-        Ok(Self { folder: folder.into(), held, input, placing: *placing, settings })
+        Ok(Self { folder: folder.into(), held, input, placing: *placing, settings: wanted.settings })
     }
 
     /// Meshes the body and lays it between the plates; where that was done before an interruption, takes up from the checkpoint.

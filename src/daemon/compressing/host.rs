@@ -6,26 +6,22 @@
 //! ```
 
 use super::asked::{asked, is_finished};
-use super::job::{Pointer, Run, Work};
+use super::job::{Pointer, Remembered, Run, Work};
 use super::news::News;
+use super::of_session::{claim_of, grain};
 use super::shelf::{Active, details, list, open};
-use super::{
-    Claim, CompressDetails, CompressInput, CompressLine, CompressMaterial, CompressRequest, DaemonError, RUN,
-};
+use super::{Claim, CompressDetails, CompressLine, CompressRequest, DaemonError, RUN};
 use crate::daemon::background::{About, Background};
-use crate::daemon::{BackgroundError, Watcher};
+use crate::daemon::{BackgroundError, ErrorKind, Watcher};
 use crate::session::event::JobKind;
-use crate::session::{Recording, SessionError, State, Store, check_name, hold};
-use grainrig_core::formats::stl;
+use crate::session::{SessionError, Store, hold};
 use std::fs::File;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 /// So often a compression is taken up again that never came to its first sample: it may be what ended the program.
 const MOST_TRIES: u32 = 3;
-/// The surface of a session's grain.
-const SURFACE: &str = "grain.stl";
 
 /// Why a compression was not done as asked.
 #[derive(Debug, thiserror::Error)]
@@ -60,12 +56,14 @@ pub struct CompressHost {
     store: Store,
     watcher: Watcher,
     background: Arc<Background>,
+    remembered: Arc<Remembered>,
 }
 
 impl CompressHost {
     /// A host of the compressions in a data folder; `watcher` is told of each one's news.
     pub fn new(data: &Path, background: Arc<Background>, watcher: Watcher) -> Self {
-        Self { store: Store::new(data), watcher, background }
+        let remembered = Arc::new(Remembered::new(data));
+        Self { store: Store::new(data), watcher, background, remembered }
     }
 
     /// Compresses a complete session's grain, once the computations before it have ended; the compression's name: its material,
@@ -75,12 +73,9 @@ impl CompressHost {
     /// [`CompressError`] where too many computations wait, for figures that make no sense, and for a session without a finished
     /// grain.
     pub fn start(&self, session: &str, request: &CompressRequest) -> Result<String, CompressError> {
-        let settings = request.settings().map_err(DaemonError::from)?;
         let recording = self.store.read(session)?;
-        let input = grain(&recording, session)?;
-        let (name, folder) = next_name(&recording, request.material)?;
-        let claim = Claim::new(&folder, input, &request.placing(), settings)?;
-        let pointer = Pointer { session: session.into(), name: name.clone(), tries: 1 };
+        let (name, claim) = claim_of(&recording, request, false)?;
+        let pointer = Pointer { session: session.into(), name: name.clone(), tries: 0 };
         self.begin(pointer, Work::New(Box::new(claim)))?;
         Ok(name)
     }
@@ -90,33 +85,40 @@ impl CompressHost {
     /// # Errors
     /// [`CompressError`] where it goes on or waits already, where there is none of that name, or it is complete.
     pub fn resume(&self, session: &str, name: &str) -> Result<(), CompressError> {
-        self.take_up(Pointer { session: session.into(), name: name.into(), tries: 1 })
+        self.take_up(Pointer { session: session.into(), name: name.into(), tries: 0 })
     }
 
-    /// Goes on with the compression that the last program was at when it ended, if there is one; session and name.
-    pub fn go_on(&self) -> Option<(String, String)> {
-        let before = Pointer::read(self.store.data())?;
-        let Some(before) = Some(before).filter(|p| p.tries < MOST_TRIES) else {
-            tracing::warn!(
-                "a compression was begun {MOST_TRIES} times and never came to its first sample: it is left alone until \
-                 somebody resumes it"
-            );
-            Pointer::forget(self.store.data());
-            return None;
-        };
-        let named = (before.session.clone(), before.name.clone());
-        match self.take_up(Pointer { tries: before.tries + 1, ..before }) {
-            Ok(()) => Some(named),
-            Err(error) => {
-                tracing::warn!("compression {} of session {} does not go on: {error}", named.1, named.0);
-                // Another program on the same folder may be at it.
-                if !matches!(error, CompressError::Daemon(DaemonError::Session(SessionError::Locked { .. })))
-                {
-                    Pointer::forget(self.store.data());
+    /// Goes on with the compressions that the last program was at when it ended, or that waited; session and name of each.
+    pub fn go_on(&self) -> Vec<(String, String)> {
+        let Some(left) = self.remembered.left() else { return Vec::new() };
+        let left = left.unwrap_or_else(|error| {
+            tracing::warn!("what the last program computed is not known: {error}; it is left alone until somebody resumes it");
+            Vec::new()
+        });
+        let mut under_way = Vec::new();
+        let mut another = false;
+        for before in left {
+            let (session, name) = (before.session.clone(), before.name.clone());
+            if before.tries >= MOST_TRIES {
+                tracing::warn!(
+                    "compression {name} of session {session} was begun {MOST_TRIES} times and never came to its first sample: \
+                     it is left alone until somebody resumes it"
+                );
+                continue;
+            }
+            match self.take_up(before) {
+                Ok(()) => under_way.push((session, name)),
+                Err(error) => {
+                    tracing::warn!("compression {name} of session {session} does not go on: {error}");
+                    // Another program on the same folder may be at it.
+                    another |= error.kind() == ErrorKind::Busy;
                 }
-                None
             }
         }
+        if !another && let Err(error) = self.remembered.write() {
+            tracing::warn!("{error}");
+        }
+        under_way
     }
 
     /// Stops the compression; what is computed stays, and it can go on.
@@ -177,7 +179,7 @@ impl CompressHost {
             let held = hold(&folder)?;
             Work::GoOn(folder, held)
         } else {
-            let input = grain(&recording, &pointer.session)?;
+            let input = grain(&recording)?;
             Work::New(Box::new(Claim::new(&folder, input, &before.placing, before.settings)?))
         };
         self.begin(pointer, work)
@@ -189,39 +191,23 @@ impl CompressHost {
         let run = Run {
             news: News::new(&session, &name, Arc::clone(&self.watcher)),
             stop: Arc::clone(&stop),
-            data: self.store.data().to_owned(),
-            pointer,
+            remembered: Arc::clone(&self.remembered),
+            session: session.clone(),
+            name: name.clone(),
         };
-        let about = About { kind: JobKind::Compress, session, name: Some(name), stop: Some(stop) };
-        self.background.queue(about, move |stopped, _| run.carry_out(work, stopped))?;
+        // Before anybody is told of it: from then on it goes on, whatever ends the program.
+        self.remembered.add(pointer)?;
+        let (remembered, of) = (Arc::clone(&self.remembered), (session.clone(), name.clone()));
+        let about = About {
+            kind: JobKind::Compress,
+            session: session.clone(),
+            name: Some(name.clone()),
+            stop: Some(stop),
+            called_off: Some(Arc::new(move || remembered.forget(&of.0, &of.1))),
+        };
+        self.background
+            .queue(about, move |stopped, _| run.carry_out(work, stopped))
+            .inspect_err(|_| self.remembered.forget(&session, &name))?;
         Ok(())
     }
-}
-
-/// The session's grain as it was recorded.
-fn grain(recording: &Recording, session: &str) -> Result<CompressInput, CompressError> {
-    let record = recording.products().find(|p| p.file == SURFACE);
-    let record = record.filter(|_| recording.state() == State::Complete);
-    let record = record.ok_or_else(|| CompressError::Unfinished { session: session.into() })?;
-    let bytes = recording.product(&record.file)?;
-    let surface = stl::read(&bytes).map_err(DaemonError::from)?;
-    Ok(CompressInput::Surface(surface, format!("session {session}")))
-}
-
-/// The first free one of `elastic`, `elastic-2` and so on, and its folder.
-fn next_name(recording: &Recording, material: CompressMaterial) -> Result<(String, PathBuf), CompressError> {
-    let first = match material {
-        CompressMaterial::Elastic => "elastic",
-        CompressMaterial::Plastic => "plastic",
-    };
-    let mut name = first.to_owned();
-    for number in 2.. {
-        let folder = recording.compression_path(&name)?;
-        if folder.symlink_metadata().is_err() {
-            return Ok((name, folder));
-        }
-        name = format!("{first}-{number}");
-        check_name("compression", &name)?;
-    }
-    Err(CompressError::Absent)
 }

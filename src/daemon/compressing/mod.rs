@@ -11,6 +11,7 @@ mod files;
 mod host;
 mod job;
 mod news;
+mod of_session;
 mod shelf;
 #[cfg(test)]
 mod tests;
@@ -22,6 +23,7 @@ pub use figures::{
 };
 pub use files::{experiment_lines, transition_line};
 pub use host::{CompressError, CompressHost};
+pub use of_session::{claim_of, grain as session_grain};
 pub use shelf::{CompressDetails, CompressFile, CompressLine, CompressState};
 
 use super::DaemonError;
@@ -125,6 +127,11 @@ impl Compression {
         // The last of the two: where it is, the other is.
         write_whole(&folder, RUN, &text)?;
         Ok(Self { folder, settings, mesh: placed.mesh, press, earlier_s: 0.0, _held: held })
+    }
+
+    /// Its folder.
+    pub fn folder(&self) -> &Path {
+        &self.folder
     }
 
     /// What was asked.
