@@ -28,8 +28,7 @@ run: all
 
 # Everything: units, properties, real data where it is, the real program with faults injected, CalculiX, a browser.
 test: tools drivers
-	$(CARGO) test $(FEATURES)
-	cd web && GRAINRIG_BIN=$(CURDIR)/target/debug/grainrig CHROMIUM="$$( $(FIND_BROWSER) )" npm test
+	CHROMIUM="$$( $(FIND_BROWSER) )" tests/run.sh $(FEATURES)
 
 # While working: every unit test of both crates, and what stands between the rooms. Nothing is installed.
 quick:

@@ -7,7 +7,7 @@
 #[allow(dead_code)]
 #[path = "../tests/http/daemon.rs"]
 mod daemon;
-#[path = "../tests/sse/mod.rs"]
+#[path = "../tests/support/sse/mod.rs"]
 mod sse;
 
 use daemon::{Daemon, Lab};

@@ -10,8 +10,10 @@
 //! size, written and synced.
 
 mod common;
-#[path = "../tests/ptp_camera/mod.rs"]
+#[path = "../tests/support/ptp_camera/mod.rs"]
 mod ptp_camera;
+#[path = "../tests/support/skip.rs"]
+mod skip;
 
 use common::{median_s, rig, tell};
 use grainrig::rig::{Camera as _, RotationStage as _, simulated::open};

@@ -1,8 +1,12 @@
 //! The decks that are written run in `CalculiX` and give the forces that mechanics gives.
 
+#[path = "support/skip.rs"]
+mod skip;
+
 use grainrig_core::formats::inp;
 use grainrig_core::geometry::{Ball, Point};
 use grainrig_core::mesh::{Controls, TetMesh, mesh};
+use skip::{Lacking, skip};
 use std::fs;
 use std::io::BufWriter;
 use std::path::Path;
@@ -45,7 +49,7 @@ fn cube(n: u32) -> TetMesh {
 fn has_calculix() -> bool {
     let there = Command::new("ccx").arg("-v").output().is_ok();
     if !there {
-        println!("skipped: no ccx on the path");
+        skip(Lacking::Tools, "no ccx on the path");
     }
     there
 }

@@ -1,6 +1,9 @@
 //! `grainrig calibrate scale`: the size of a pixel from pictures of a ball, held against the truth.
 
+#[path = "support/kit/mod.rs"]
 mod kit;
+#[path = "support/skip.rs"]
+mod skip;
 
 use grainrig::daemon::{Angles, BodyKind, ScaleRequest, calibrate_scale};
 use grainrig::rig::simulated::{Settings, open};
@@ -8,16 +11,11 @@ use grainrig::rig::{Camera as _, RotationStage as _};
 use grainrig_core::geometry::Angle;
 use kit::Lab;
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use skip::shared_data;
+use std::path::PathBuf;
 
 fn rendered() -> Option<PathBuf> {
-    let folder =
-        Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/turntable-rendered/sand_ma107_00002"));
-    if folder.is_dir() {
-        return Some(folder.to_owned());
-    }
-    println!("skipped: {} is not there", folder.display());
-    None
+    shared_data("turntable-rendered/sand_ma107_00002")
 }
 
 fn number(value: &Value) -> f64 {

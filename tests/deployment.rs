@@ -1,9 +1,13 @@
 //! What is installed beside the program: udev's rules, the service, the shipped configurations.
 
+#[path = "support/kit/mod.rs"]
 mod kit;
+#[path = "support/skip.rs"]
+mod skip;
 
 use grainrig::config::Config;
 use kit::Lab;
+use skip::{Lacking, skip};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -15,7 +19,7 @@ fn shipped(path: &str) -> PathBuf {
 fn said(program: &str, arguments: &[&str]) -> Option<(bool, String)> {
     let done = Command::new(program).args(arguments).output();
     let Ok(done) = done else {
-        println!("skipped: {program} is not there");
+        skip(Lacking::System, format_args!("{program} is not there"));
         return None;
     };
     let text = [done.stdout, done.stderr].concat();
@@ -78,7 +82,7 @@ fn udevs_rules_have_known_keys_only() {
     // From version 254 on udev can read rules without doing what they say.
     let version: u32 = said("udevadm", &["--version"]).and_then(|(_, v)| v.trim().parse().ok()).unwrap_or(0);
     if version < 254 {
-        return println!("skipped: udevadm {version} has no `verify`");
+        return skip(Lacking::System, format_args!("udevadm {version} has no `verify`"));
     }
     let (good, told) = said("udevadm", &["verify", path.to_str().unwrap()]).unwrap();
     assert!(good, "{told}");
@@ -158,7 +162,7 @@ fn the_doctors_remedy_is_one_however_the_cameras_process_dies() {
     let source = lab.write("dying.c", DYING_CAMERA);
     let library = lab.path("dying.so");
     let compiled = Command::new("cc").args(["-shared", "-fPIC", "-o"]).arg(&library).arg(&source).output();
-    let Ok(compiled) = compiled else { return println!("skipped: no C compiler `cc`; install gcc") };
+    let Ok(compiled) = compiled else { return skip(Lacking::Tools, "no C compiler `cc`; install gcc") };
     assert!(compiled.status.success(), "{}", String::from_utf8_lossy(&compiled.stderr));
     let rig = "[rig]\nkind = \"hardware\"\nstage = \"simulated\"\ncamera = \"gphoto2\"\n[gphoto2]\nretry_s = [0.0]\n";
     lab.write("rig.toml", rig);

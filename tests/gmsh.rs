@@ -2,9 +2,13 @@
 //!
 //! Gmsh is asked through a Python that has it: `GRAINRIG_GMSH_PYTHON`, or `python3` on the path.
 
+#[path = "support/skip.rs"]
+mod skip;
+
 use grainrig_core::formats::msh;
 use grainrig_core::geometry::{Ball, Point};
 use grainrig_core::mesh::{Controls, mesh};
+use skip::{Lacking, skip};
 use std::process::Command;
 
 /// Prints the numbers of triangles and tetrahedra, the physical groups, the least quality (radius ratio) and the volume.
@@ -25,8 +29,8 @@ fn gmsh_reads_what_is_written() {
     let python = std::env::var("GRAINRIG_GMSH_PYTHON").unwrap_or_else(|_| "python3".to_owned());
     let there = Command::new(&python).args(["-c", "import gmsh"]).output();
     if !there.is_ok_and(|out| out.status.success()) {
-        println!("skipped: {python} has no gmsh (set GRAINRIG_GMSH_PYTHON)");
-        return;
+        let why = format!("{python} has no gmsh (set GRAINRIG_GMSH_PYTHON)");
+        return skip(Lacking::System, why);
     }
     let ball = Ball { center: Point::origin(), radius_mm: 0.5 };
     let made = mesh(&ball, &Controls::for_size(3.0), &mut |_| ()).unwrap();

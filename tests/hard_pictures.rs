@@ -1,12 +1,16 @@
 //! Pictures as a laboratory takes them: what must not change the outline is put into pictures of the simulated rig (and
 //! into rendered ones, where they are there), and the outline's area is held against that of the clean picture.
 
+#[path = "support/skip.rs"]
+mod skip;
+
 use grainrig::rig::simulated::{self, Settings as Rig};
 use grainrig::rig::{Camera as _, RotationStage as _};
 use grainrig_core::formats::decode;
 use grainrig_core::geometry::Angle;
 use grainrig_core::hull::{Cone, HullGrid, find_bounds};
 use grainrig_core::silhouette::{Found, Picture, Settings, find};
+use skip::shared_data;
 use std::path::Path;
 use std::process::Command;
 use std::sync::{Arc, OnceLock};
@@ -43,15 +47,11 @@ fn clean() -> &'static [Clean] {
                 pictures.push((format!("{name} {seed} at {turn}°"), decode(&bytes).unwrap()));
             }
         }
-        let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data"))
-            .join("turntable-rendered/sand_ma107_00002");
-        if folder.is_dir() {
+        if let Some(folder) = shared_data("turntable-rendered/sand_ma107_00002") {
             for k in [0, 9, 17] {
                 let name = format!("grain_{k:02}.png");
                 pictures.push((name.clone(), decode(&std::fs::read(folder.join(&name)).unwrap()).unwrap()));
             }
-        } else {
-            println!("skipped: {} is not there", folder.display());
         }
         let cut = |(name, picture)| Clean { name, found: seen(&picture), picture };
         pictures.into_iter().map(cut).collect()
@@ -133,12 +133,7 @@ fn imported_volume(folder: &Path) -> f64 {
 
 #[test]
 fn salt_and_pepper_leave_the_volume_of_an_imported_grain_as_it_is() {
-    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data"))
-        .join("turntable-rendered/sand_ma107_00002");
-    if !folder.is_dir() {
-        println!("skipped: {} is not there", folder.display());
-        return;
-    }
+    let Some(folder) = shared_data("turntable-rendered/sand_ma107_00002") else { return };
     let clean = imported_volume(&folder);
     let mut names: Vec<String> = (0..26).map(|k| format!("grain_{k:02}.png")).collect();
     names.push("empty.png".into());

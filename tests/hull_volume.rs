@@ -1,15 +1,18 @@
 //! The volume of pinhole views' hulls of real grains, against a plain loop over all places of a fine lattice.
 
+#[path = "support/skip.rs"]
+mod skip;
+
 use grainrig::rig::simulated::{Settings, open};
 use grainrig_core::geometry::{Angle, Point};
 use grainrig_core::hull::{Cone, HullGrid, find_bounds};
 use grainrig_core::silhouette::{self, PedestalMode, Picture};
 use rayon::prelude::*;
+use skip::shared_data;
 use std::path::Path;
 use std::sync::Arc;
 
 /// The folder of real grains, which not every checkout has.
-const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/grains");
 /// Cells along the longest edge: what the pipeline takes where nothing else is said.
 const DEFAULT_CELLS: f64 = 400.0;
 /// Places of the plain loop along the longest edge; counting errs by about 1/n², as the surface's places are many.
@@ -65,11 +68,7 @@ fn inside(cone: &Cone, p: [f64; 3]) -> bool {
 fn the_volume_is_a_plain_loops_to_a_thousandth_at_the_default_resolution() {
     let chosen = ["sand_ma107_00002.stl", "ct_ma160_02444.stl", "gravel_az_00002.stl"];
     for (name, count) in chosen.into_iter().zip([5, 25, 12]) {
-        let stl = Path::new(FOLDER).join(name);
-        if !stl.exists() {
-            println!("skipped: no {}", stl.display());
-            continue;
-        }
+        let Some(stl) = shared_data(&format!("grains/{name}")) else { continue };
         let cones = views(&stl, count);
         let bounds = find_bounds(&cones).unwrap();
         let longest = bounds.size().max();
@@ -106,11 +105,7 @@ fn the_volume_is_a_plain_loops_to_a_thousandth_at_the_default_resolution() {
 
 #[test]
 fn the_hull_of_pinhole_views_holds_every_place_of_the_grain() {
-    let stl = Path::new(FOLDER).join("sand_ma107_00107.stl");
-    if !stl.exists() {
-        println!("skipped: no {}", stl.display());
-        return;
-    }
+    let Some(stl) = shared_data("grains/sand_ma107_00107.stl") else { return };
     let cones = views(&stl, 9);
     let settings = Settings { grain_stl: Some(stl), camera_distance_mm: Some(12.0), ..Settings::default() };
     let (_, _, truth) = open(&settings).unwrap();

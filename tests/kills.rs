@@ -1,10 +1,14 @@
 //! `kill -9` while products are made: at every instant a session's products are of one set, and what is not complete is
 //! not called so.
 
+#[path = "support/kit/mod.rs"]
 mod kit;
+#[path = "support/random.rs"]
+mod random;
 
 use grainrig::session::State;
 use kit::{Lab, Ran, files};
+use random::Random;
 use std::collections::{BTreeMap, BTreeSet};
 use std::os::unix::fs::MetadataExt as _;
 use std::path::Path;
@@ -18,23 +22,10 @@ fn kills() -> usize {
     std::env::var("GRAINRIG_KILLS").ok().and_then(|n| n.parse().ok()).unwrap_or(12)
 }
 
-/// Numbers from a seed (`SplitMix64`).
-struct Draws(u64);
-
-impl Draws {
-    fn below(&mut self, limit: usize) -> usize {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) % limit as u64) as usize
-    }
-
-    /// An event out of so many, every other time one of the last third, where products are written.
-    fn event(&mut self, events: usize) -> usize {
-        let all = events.max(3);
-        if self.below(2) == 0 { self.below(all) } else { all - 1 - self.below(all / 3) }
-    }
+/// An event out of so many, every other time one of the last third, where products are written.
+fn event(random: &mut Random, events: usize) -> usize {
+    let all = events.max(3);
+    if random.below(2) == 0 { random.below(all) } else { all - 1 - random.below(all / 3) }
 }
 
 /// What a watcher sees of the data folder: each file with its number and length.
@@ -111,11 +102,11 @@ fn whenever_reconstruct_and_replay_are_killed_the_products_are_one_set_and_resum
     let (events, _) = run_and_kill(&lab, &coarse_args, None);
     let coarse = mesh_of(&lab, "a");
     assert_ne!(fine, coarse);
-    let mut draws = Draws(1);
+    let mut random = Random::new(1);
     let mut killed = 0;
     for n in 0..kills() / 4 {
         let args: &[&str] = if n % 2 == 0 { &fine_args } else { &coarse_args };
-        let at = draws.event(events);
+        let at = event(&mut random, events);
         killed += usize::from(run_and_kill(&lab, args, Some(at)).1);
         let (what, there) = (format!("reconstruct {n}, killed at change {at}"), mesh_of(&lab, "a"));
         assert!(there == fine || there == coarse, "{what}: files of different meshes");
@@ -133,8 +124,8 @@ fn whenever_reconstruct_and_replay_are_killed_the_products_are_one_set_and_resum
     let (events, _) = run_and_kill(&lab, &["replay", "a"], None);
     killed = 0;
     for n in 0..kills() / 4 {
-        lose(draws.below(13));
-        let at = draws.event(events);
+        lose(random.below(13));
+        let at = event(&mut random, events);
         killed += usize::from(run_and_kill(&lab, &["replay", "a"], Some(at)).1);
         made_whole(&lab, "a", &format!("replay {n}, killed at change {at}"));
     }
@@ -158,9 +149,9 @@ fn whenever_an_import_is_killed_there_is_no_session_or_one_that_resume_completes
     };
     let (events, _) = run("whole", None);
     let whole = lab.products("whole")["grain.vtu"].clone();
-    let (mut draws, mut killed) = (Draws(2), 0);
+    let (mut random, mut killed) = (Random::new(2), 0);
     for n in 0..kills() / 4 {
-        let (name, at) = (format!("i{n}"), draws.event(events));
+        let (name, at) = (format!("i{n}"), event(&mut random, events));
         killed += usize::from(run(&name, Some(at)).1);
         let what = format!("import {n}, killed at change {at}");
         if !lab.session(&name).exists() {
@@ -193,9 +184,9 @@ fn whenever_a_merging_is_killed_there_is_no_session_or_a_whole_one() {
     }
     let (events, _) = run_and_kill(&lab, &["merge", "a", "b", "--out", "whole"], None);
     let whole = mesh_of(&lab, "whole");
-    let (mut draws, mut killed) = (Draws(3), 0);
+    let (mut random, mut killed) = (Random::new(3), 0);
     for n in 0..kills() / 4 {
-        let (name, at) = (format!("m{n}"), draws.event(events));
+        let (name, at) = (format!("m{n}"), event(&mut random, events));
         killed += usize::from(run_and_kill(&lab, &["merge", "a", "b", "--out", &name], Some(at)).1);
         let what = format!("merge {n}, killed at change {at}");
         if !lab.session(&name).exists() {

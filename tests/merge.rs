@@ -1,6 +1,9 @@
 //! Two captures of one grain, another side down in the second, become one closer hull.
 
+#[path = "support/kit/mod.rs"]
 mod kit;
+#[path = "support/skip.rs"]
+mod skip;
 
 use grainrig::acquire::Control;
 use grainrig::config::Config;
@@ -13,16 +16,15 @@ use kit::{Lab, Ran};
 use nalgebra::{Matrix3, Rotation3};
 use rayon::prelude::*;
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use skip::shared_data;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Every real grain of the folder; where it is not there, six built-in ones.
 fn grains() -> Vec<Settings> {
-    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/grains"));
-    if !folder.is_dir() {
-        println!("skipped: {} is not there; built-in grains instead", folder.display());
+    let Some(folder) = shared_data("grains") else {
         return (1..=6).map(|seed| Settings { seed, ..small() }).collect();
-    }
+    };
     let names = [
         "sand_ma107_00002",
         "lsdem_sand",

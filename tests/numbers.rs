@@ -3,7 +3,7 @@
 //!
 //! `GRAINRIG_BODIES=500 cargo test --test numbers` tries as many bodies.
 
-#[path = "kit/mod.rs"]
+#[path = "support/kit/mod.rs"]
 mod kit;
 
 use grainrig::pipeline::{Cameras, Pipeline, Settings, TurntableSettings, View};

@@ -1,5 +1,6 @@
 //! The drawings among the products: outlines over the photographs, the sheet of the calibration.
 
+#[path = "support/kit/mod.rs"]
 mod kit;
 
 use grainrig_core::report::{Marks, Shot};

@@ -9,11 +9,16 @@ use grainrig_core::silhouette::{
     joint_stand,
 };
 use rayon::prelude::*;
+use skip::shared_data;
 use std::path::{Path, PathBuf};
 
+#[path = "support/random.rs"]
+mod random;
 #[allow(dead_code)]
 #[path = "calibration/rigs.rs"]
 mod rigs;
+#[path = "support/skip.rs"]
+mod skip;
 
 /// A view by itself, at an angle where there is one.
 struct Seen {
@@ -71,15 +76,6 @@ fn alarms(views: &[Seen]) -> Vec<(usize, &'static str, Verdict)> {
         .collect()
 }
 
-fn data(name: &str) -> Option<PathBuf> {
-    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data")).join(name);
-    if !path.exists() {
-        println!("skipped: {} is not there", path.display());
-        return None;
-    }
-    Some(path)
-}
-
 #[test]
 fn clean_views_of_the_simulated_rig_raise_no_alarm() {
     let dark = || Settings { bright_background: false, ..near() };
@@ -112,7 +108,7 @@ fn clean_views_of_the_simulated_rig_raise_no_alarm() {
 
 #[test]
 fn angular_and_flaky_grains_raise_no_alarm() {
-    let Some(grains) = data("grains") else { return };
+    let Some(grains) = shared_data("grains") else { return };
     for name in ["ct_ma160_00593", "sand_ma107_00107", "gravel_az_00002"] {
         for bright_background in [true, false] {
             let stl = grains.join(format!("{name}.stl"));
@@ -134,19 +130,19 @@ fn pictures(folder: &Path, beginning: &str) -> Vec<Picture> {
 
 #[test]
 fn other_peoples_pictures_raise_no_alarm_but_a_true_one() {
-    if let Some(folder) = data("turntable-rendered/sand_ma107_00002") {
+    if let Some(folder) = shared_data("turntable-rendered/sand_ma107_00002") {
         let empty = pictures(&folder, "empty").remove(0);
         let place = |(n, p): (usize, &Picture)| seen(p, Some(&empty), Some(7.2 * n as f64));
         let views: Vec<Seen> = pictures(&folder, "grain_").iter().enumerate().map(place).collect();
         assert_eq!((views.len(), alarms(&views)), (26, vec![]));
     }
-    if let Some(folder) = data("middlebury-dinoSparseRing") {
+    if let Some(folder) = shared_data("middlebury-dinoSparseRing") {
         let views: Vec<Seen> = pictures(&folder, "dinoSR").iter().map(|p| seen(p, None, None)).collect();
         // Two of the sixteen pictures do cut off the dinosaur's head.
         let cut = [1, 2].map(|view| (view, "border", Verdict::Doubtful));
         assert_eq!((views.len(), alarms(&views)), (16, cut.to_vec()));
     }
-    if let Some(folder) = data("oxford-dinosaur") {
+    if let Some(folder) = shared_data("oxford-dinosaur") {
         let views: Vec<Seen> = pictures(&folder, "viff").iter().map(|p| seen(p, None, None)).collect();
         assert_eq!((views.len(), alarms(&views)), (36, vec![]));
     }
@@ -221,7 +217,7 @@ fn clean_views_of_random_rigs_raise_no_alarm_by_themselves() {
 fn moved(picture: &Picture, deg: f64) -> Picture {
     let (w, h, c) = (picture.width(), picture.height(), picture.channels());
     let (sin, cos) = deg.to_radians().sin_cos();
-    let mut noise = rigs::Draw::new(deg as u64);
+    let mut noise = rigs::random_of(deg as u64);
     let mut data = Vec::with_capacity(picture.data().len());
     for k in 0..w * h {
         let mut sums = [0.0; 3];
@@ -234,7 +230,7 @@ fn moved(picture: &Picture, deg: f64) -> Picture {
             sums.iter_mut().zip(pixel).for_each(|(sum, v)| *sum += f64::from(*v) / 25.0);
         }
         // Twelve even draws sum up to a variance of one.
-        let grains = 2.0 * ((0..12).map(|_| noise.next()).sum::<f64>() - 6.0);
+        let grains = 2.0 * ((0..12).map(|_| noise.unit()).sum::<f64>() - 6.0);
         data.extend(sums[..c].iter().map(|sum| (sum + grains).round().clamp(0.0, 255.0) as u8));
     }
     Picture::new(w, h, c, data).unwrap()
@@ -243,7 +239,7 @@ fn moved(picture: &Picture, deg: f64) -> Picture {
 #[test]
 fn a_shaken_picture_is_told_as_one_by_itself_whatever_its_grain_ground_and_direction() {
     let mut shapes = vec![(3, None), (4, None)];
-    if let Some(grains) = data("grains") {
+    if let Some(grains) = shared_data("grains") {
         let stl = |name: &str| (1, Some(grains.join(format!("{name}.stl"))));
         shapes
             .extend(["ct_ma160_00593", "sand_ma107_00107", "gravel_az_00002", "ct_cement140_02210"].map(stl));

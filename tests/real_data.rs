@@ -1,19 +1,13 @@
 //! Other people's pictures go through `grainrig import` to a mesh. The data are not part of the project;
 //! where they are not there, each test says so and passes.
 
-use serde_json::Value;
-use std::path::{Path, PathBuf};
-use std::process::Command;
+#[path = "support/skip.rs"]
+mod skip;
 
-/// A folder of the shared data, where it is there.
-fn data(name: &str) -> Option<PathBuf> {
-    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data")).join(name);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("skipped: {} is not there", folder.display());
-    None
-}
+use serde_json::Value;
+use skip::shared_data;
+use std::path::Path;
+use std::process::Command;
 
 /// Runs `grainrig import` on a folder with the default settings; checks the mesh and gives the result.
 fn import(folder: &Path, pattern: &str, geometry: &[&str]) -> Value {
@@ -52,7 +46,7 @@ fn agreement(result: &Value) -> (f64, f64) {
 
 #[test]
 fn a_rendered_grain_comes_out_at_its_true_size() {
-    let Some(folder) = data("turntable-rendered/sand_ma107_00002") else { return };
+    let Some(folder) = shared_data("turntable-rendered/sand_ma107_00002") else { return };
     let truth: Value =
         serde_json::from_slice(&std::fs::read(folder.join("truth/truth.json")).unwrap()).unwrap();
     let camera = &truth["camera"];
@@ -90,7 +84,7 @@ fn a_rendered_grain_comes_out_at_its_true_size() {
 
 #[test]
 fn a_plaster_dinosaur_has_the_size_its_makers_give() {
-    let Some(folder) = data("middlebury-dinoSparseRing") else { return };
+    let Some(folder) = shared_data("middlebury-dinoSparseRing") else { return };
     let cameras = folder.join("dinoSR_par.txt");
     let result = import(&folder, "dinoSR*.png", &["--cameras", cameras.to_str().unwrap()]);
     let (least, mean) = agreement(&result);
@@ -113,7 +107,7 @@ fn a_plaster_dinosaur_has_the_size_its_makers_give() {
 /// disc's rim.
 #[test]
 fn no_silhouettes_can_end_the_plaster_dinosaurs_hull_at_its_base() {
-    let Some(folder) = data("middlebury-dinoSparseRing") else { return };
+    let Some(folder) = shared_data("middlebury-dinoSparseRing") else { return };
     let (base_mm, radius_mm, middle) = (-18.874, 20.0, [-20.0, -30.0]);
     let text = std::fs::read_to_string(folder.join("dinoSR_par.txt")).unwrap();
     let centres: Vec<[f64; 3]> = (text.lines().skip(1))
@@ -146,7 +140,7 @@ fn no_silhouettes_can_end_the_plaster_dinosaurs_hull_at_its_base() {
 
 #[test]
 fn a_toy_dinosaur_before_a_blue_screen_is_one_shape_from_all_sides() {
-    let Some(folder) = data("oxford-dinosaur") else { return };
+    let Some(folder) = shared_data("oxford-dinosaur") else { return };
     let cameras = folder.join("projection_matrices.csv");
     let geometry = ["--cameras", cameras.to_str().unwrap(), "--camera-unit", "none"];
     let result = import(&folder, "viff.*.png", &geometry);

@@ -1,10 +1,14 @@
 //! Silhouettes of rendered pictures against the projection of the very grain that was rendered. The data are not part
 //! of the project; where they are not there, each test says so and passes.
 
+#[path = "support/skip.rs"]
+mod skip;
+
 use grainrig_core::formats::decode;
 use grainrig_core::formats::stl;
 use grainrig_core::silhouette::{Found, Picture, Settings, Source, find};
 use serde_json::Value;
+use skip::shared_data;
 use std::path::{Path, PathBuf};
 
 /// Lines measured in each row of pixels.
@@ -13,13 +17,7 @@ const SUBROWS: usize = 16;
 const CONTACT_ROWS: f64 = 8.0;
 
 fn data() -> Option<PathBuf> {
-    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data"))
-        .join("turntable-rendered/sand_ma107_00002");
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("skipped: {} is not there", folder.display());
-    None
+    shared_data("turntable-rendered/sand_ma107_00002")
 }
 
 fn picture(path: &Path) -> Picture {

@@ -1,5 +1,6 @@
 //! A recorded session replays to the same bytes, and `verify` finds every change of them.
 
+#[path = "support/kit/mod.rs"]
 mod kit;
 
 use grainrig::acquire::Control;
@@ -94,7 +95,8 @@ fn every_plan_replays_to_the_recorded_bytes_also_where_pictures_were_taken_again
     for views in plans() {
         replays(views, false, "", None);
         replays(views, false, spoilt, Some(1));
-        if std::env::var_os("GRAINRIG_PLANS").is_some() {
+        // Two views over a whole turn look at the grain from opposite sides, which bounds nothing.
+        if std::env::var_os("GRAINRIG_PLANS").is_some() && views > 2 {
             replays(views, true, "", Some(views as usize / 2));
         }
     }

@@ -1,5 +1,6 @@
 //! A capture that is killed, interrupted or fails at any time goes on with `resume`.
 
+#[path = "support/kit/mod.rs"]
 mod kit;
 
 use grainrig::session::event::{Event, Happening};

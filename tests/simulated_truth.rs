@@ -1,5 +1,6 @@
 //! The whole way on the simulated rig, held against the truth that only a simulation knows.
 
+#[path = "support/kit/mod.rs"]
 mod kit;
 
 use grainrig::rig::simulated::{Coverage, Truth, TruthHandle, open};

@@ -1,6 +1,6 @@
 //! The study of the number of views, as its user runs it.
 
-#[path = "kit/mod.rs"]
+#[path = "support/kit/mod.rs"]
 mod kit;
 
 use kit::{Lab, read};

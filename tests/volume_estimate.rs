@@ -4,15 +4,21 @@
 //! Real shapes are not part of the project: where they are, each grain is one of them, turned any way and stretched
 //! along its axes so that no two are alike; else built ones stand in.
 
+#[path = "support/kit/mod.rs"]
 mod kit;
+#[path = "support/random.rs"]
+mod random;
+#[path = "support/skip.rs"]
+mod skip;
 
 use grainrig::rig::simulated::Truth;
 use grainrig_core::formats::stl;
 use grainrig_core::geometry::{Point, TriangleMesh};
 use kit::Lab;
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::Vector3;
+use random::Random;
 use serde_json::Value;
-use std::f64::consts::TAU;
+use skip::shared_data;
 use std::path::{Path, PathBuf};
 
 /// Grains that are captured where nobody says how many.
@@ -20,38 +26,11 @@ const USUAL: usize = 12;
 /// Of so many grains one is the simulator's built-in one.
 const BUILT_EACH: usize = 5;
 
-/// Numbers evenly spread from 0 to 1 that follow from a seed (splitmix64).
-struct Draw(u64);
-
-impl Draw {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.next()
-    }
-
-    /// Any rotation, all alike likely (Shoemake 1992).
-    fn rotation(&mut self) -> UnitQuaternion<f64> {
-        let (u, a, b) = (self.next(), self.between(0.0, TAU), self.between(0.0, TAU));
-        let (p, q) = ((1.0 - u).sqrt(), u.sqrt());
-        UnitQuaternion::from_quaternion(Quaternion::new(p * a.sin(), p * a.cos(), q * b.sin(), q * b.cos()))
-    }
-}
-
 /// Real grains, by name; the balls and ellipsoids beside them are none.
 fn shapes() -> Vec<PathBuf> {
-    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/grains"));
-    let Ok(entries) = std::fs::read_dir(folder) else {
-        println!("{} is not there: built grains stand in for real ones", folder.display());
-        return Vec::new();
-    };
-    let mut paths: Vec<PathBuf> = entries.map(|e| e.unwrap().path()).collect();
+    // Built grains stand in for real ones.
+    let Some(folder) = shared_data("grains") else { return Vec::new() };
+    let mut paths: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
     paths.retain(|p| p.extension().is_some_and(|e| e == "stl"));
     // The finer one is the same body again.
     paths.retain(|p| !["analytic", "finer"].iter().any(|n| p.to_string_lossy().contains(n)));
@@ -60,7 +39,7 @@ fn shapes() -> Vec<PathBuf> {
 }
 
 /// A shape turned and stretched.
-fn made(shape: &Path, draw: &mut Draw) -> TriangleMesh {
+fn made(shape: &Path, draw: &mut Random) -> TriangleMesh {
     let mut mesh = stl::read(&std::fs::read(shape).unwrap()).unwrap();
     let (first, second) = (draw.rotation(), draw.rotation());
     let stretch = Vector3::from_fn(|_, _| draw.between(0.8, 1.25));
@@ -91,7 +70,7 @@ impl Outcome {
 /// Captures a grain at random on a small frame.
 fn captured(seed: usize, shapes: &[PathBuf]) -> Outcome {
     let lab = Lab::new();
-    let mut draw = Draw(seed as u64 + 1000);
+    let mut draw = Random::new(seed as u64 + 1000);
     let real = !shapes.is_empty() && seed % BUILT_EACH != BUILT_EACH - 1;
     let mut name = format!("built {seed}");
     let mut grain = String::new();
@@ -102,7 +81,7 @@ fn captured(seed: usize, shapes: &[PathBuf]) -> Outcome {
         stl::write(&made(shape, &mut draw), &mut bytes).unwrap();
         grain = format!("grain_stl = {:?}\n", lab.write("grain.stl", bytes));
     }
-    let near = if draw.next() < 0.3 {
+    let near = if draw.unit() < 0.3 {
         format!("camera_distance_mm = {:.1}\n", draw.between(60.0, 300.0))
     } else {
         String::new()

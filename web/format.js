@@ -121,6 +121,7 @@ const STAGES = /** @type {Record<string, string>} */ ({
   calibrate: "Finding the axis",
   hull: "Carving the hull",
   mesh: "Meshing",
+  silhouettes: "Finding silhouettes",
   export: "Writing files",
 });
 
@@ -143,6 +144,24 @@ const COMPRESSION = /** @type {Record<string, string>} */ ({
 export function compressing(state, done, phase) {
   if (state === "meshing") return phase ? phase[0].toUpperCase() + phase.slice(1) : "Meshing";
   return COMPRESSION[state] ?? `${Math.floor(100 * done)} %`;
+}
+
+/** What a computation beside the rig is called on the page. */
+const JOBS = /** @type {Record<string, (of: any) => string>} */ ({
+  reconstruct: ({ session }) => `Hull and mesh of ${session}`,
+  replay: ({ session }) => `Replay of ${session}`,
+  verify: ({ session }) => `Check of ${session}`,
+  merge: ({ session }) => `Merging to ${session}`,
+  compress: ({ session, name }) => `Compression ${name} of ${session}`,
+});
+
+/**
+ * A computation beside the rig, and how it stands.
+ * @param {import("./status.js").Job} job
+ */
+export function computing(job) {
+  const how = job.state === "running" && job.phase ? `${stageName(job.phase)}${job.done > 0 ? `, ${Math.floor(100 * job.done)} %` : ""}` : job.state;
+  return `${JOBS[job.kind]?.(job) ?? job.kind}: ${how}${job.error ? `: ${job.error}` : ""}`;
 }
 
 /**
@@ -202,6 +221,8 @@ export function line(event) {
       return "Run complete";
     case "compression":
       return `Compression ${event.name} of ${event.session}: ${compressing(event.state, event.done, event.phase)}${event.error ? `: ${event.error}` : ""}`;
+    case "job":
+      return computing(/** @type {any} */ (event));
     default:
       return event.event;
   }

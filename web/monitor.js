@@ -4,6 +4,7 @@
 import { ApiError, post, resumeUrl } from "./api.js";
 import { draw } from "./chart.js";
 import { listenToPress, offerSessions, showPress } from "./compress.js";
+import { showJobs } from "./jobs.js";
 import { make, part, write } from "./dom.js";
 import { clearFault, tellFault } from "./fault.js";
 import { duration, figure, headlines, leaves, line, nextName, stageName, volume } from "./format.js";
@@ -206,6 +207,7 @@ function showControls() {
   // A mesh that is being made ends by itself.
   enable("abort", active && state !== "computing");
   showPress(status.compression, ready);
+  showJobs(status.jobs, want);
 }
 
 /**
@@ -222,12 +224,15 @@ async function refreshSessions() {
 
 /** @param {RigEvent} event */
 function note(event) {
+  // A compression tells its own, but that it waits.
+  if (event.event === "job" && event.kind === "compress" && event.state !== "waiting") return;
   const log = part("log");
   log.hidden = false;
   part("no-log").hidden = true;
   const time = make("time", { datetime: event.time }, new Date(event.time).toLocaleTimeString("en-GB"));
-  // A stage's progress is one line that counts on, and so is a compression's.
-  const stage = event.event === "working" ? event.stage : event.event === "compression" ? `${event.session}/${event.name}` : null;
+  // A stage's progress is one line that counts on, and so is a computation's.
+  const counting = { working: () => event.stage, compression: () => `${event.session}/${event.name}`, job: () => `job ${event.job}` };
+  const stage = counting[/** @type {keyof typeof counting} */ (event.event)]?.() ?? null;
   const before = [...log.children].slice(0, 3).find((item) => stage !== null && /** @type {HTMLElement} */ (item).dataset.stage === stage);
   before?.remove();
   const item = make("li", { "data-seq": String(event.seq), "data-kind": event.event }, time, line(event));
@@ -312,7 +317,8 @@ watch({
     if (event.event === "captured" || event.event === "resumed") estimated_at_ms = Date.now();
     note(event);
     show();
-    if (["started", "aborted", "failed", "complete"].includes(event.event)) void refreshSessions();
+    const made = event.event === "job" && event.state === "complete" && ["reconstruct", "replay", "merge"].includes(event.kind);
+    if (made || ["started", "aborted", "failed", "complete"].includes(event.event)) void refreshSessions();
   },
   connection(kind, heard_ms) {
     connected = kind === "live";

@@ -6,7 +6,7 @@ import { make, part } from "./dom.js";
 import { clearFault, tellFault } from "./fault.js";
 import { GRADES, judge } from "./verdict.js";
 
-/** @typedef {(path: string, by: { button: string, fault: string }) => Promise<boolean>} Want */
+/** @typedef {(path: string, by: { button: string, fault: string, body?: unknown }) => Promise<boolean>} Want */
 
 /**
  * Asks for the list and shows it.
@@ -57,6 +57,7 @@ function sessionItem(session, want) {
       if (verdict) item.append(make("div", { class: "grading" }, ...grading(verdict)));
       item.append(files(session.name, "products", products), files(session.name, "frames", frames));
       item.append(...rejected.map((/** @type {any} */ one) => refused(session.name, one)));
+      if (!session.busy) item.append(again(session, want));
     } catch (error) {
       delete item.dataset.asked;
       tellFault("sessions-fault", error);
@@ -68,6 +69,24 @@ function sessionItem(session, want) {
   const resume = make("button", { type: "button", class: "quiet", id, "aria-label": `Resume ${session.name}` }, "Resume");
   resume.addEventListener("click", () => void want(resumeUrl(session.name), { button: id, fault: "sessions-fault" }));
   return make("li", { class: "unfinished" }, item, resume);
+}
+
+/**
+ * What can be computed from a session's recording.
+ * @param {any} session
+ * @param {Want} want
+ */
+function again(session, want) {
+  const button = (/** @type {string} */ kind, /** @type {string} */ text, /** @type {string} */ title) => {
+    const id = `${kind}-${session.name}`;
+    const made = make("button", { type: "button", class: "quiet", id, title, "aria-label": `${text}, ${session.name}` }, text);
+    made.addEventListener("click", () => void want("/jobs", { button: id, fault: "sessions-fault", body: { kind, session: session.name } }));
+    return made;
+  };
+  const check = button("verify", "Check files", "Compares every file with the hash in the journal");
+  if (session.state !== "complete") return make("p", {}, check);
+  const replay = button("replay", "Replay", "Computes everything again from the recording, and writes products that are lost");
+  return make("p", {}, check, " ", replay);
 }
 
 /**

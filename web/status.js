@@ -19,6 +19,18 @@
  * @property {string|null} error
  */
 /**
+ * A computation beside the rig.
+ * @typedef {object} Job
+ * @property {number} job
+ * @property {"reconstruct"|"replay"|"verify"|"merge"|"compress"} kind
+ * @property {string} session
+ * @property {string} [name] Of a compression.
+ * @property {"waiting"|"running"|"complete"|"cancelled"|"interrupted"|"failed"} state
+ * @property {string} [phase] What is being done.
+ * @property {number} done
+ * @property {string|null} error
+ */
+/**
  * @typedef {object} Status
  * @property {RunState} state
  * @property {string|null} session
@@ -36,6 +48,7 @@
  * @property {unknown} result
  * @property {string|null} error
  * @property {Compression|null} compression
+ * @property {Job[]} jobs
  */
 /** @typedef {{ seq: number, time: string, event: string, [field: string]: any }} RigEvent */
 
@@ -43,6 +56,7 @@
 const WARNINGS_KEPT = 200;
 const HULL_POINTS_KEPT = 2000;
 const CURVE_POINTS_KEPT = 4000;
+const ENDED_JOBS_KEPT = 20;
 
 /** @returns {Status} Nothing happened yet. */
 export function idle() {
@@ -63,7 +77,25 @@ export function idle() {
     result: null,
     error: null,
     compression: null,
+    jobs: [],
   };
+}
+
+/** Whether a computation waits or goes on. */
+export const isUnderWay = (/** @type {Job} */ { state }) => state === "waiting" || state === "running";
+
+/**
+ * The computations beside the rig after some news of one.
+ * @param {Job[]} before
+ * @param {any} news
+ */
+function computed(before, news) {
+  const { job, kind, session, name, state, phase, done, error } = news;
+  const now = { job, kind, session, ...(name === undefined ? {} : { name }), state, ...(phase === undefined ? {} : { phase }), done, error };
+  const known = before.some((one) => one.job === job);
+  const jobs = known ? before.map((one) => (one.job === job ? now : one)) : [...before, now];
+  const ended = jobs.filter((one) => !isUnderWay(one));
+  return ended.length > ENDED_JOBS_KEPT ? jobs.filter((one) => one !== ended[0]) : jobs;
 }
 
 /**
@@ -110,6 +142,7 @@ export function fold(before, event) {
         views: event.views,
         captured: event.already_captured,
         compression: before.compression,
+        jobs: before.jobs,
       };
     case "homed":
       return { ...before, state: leaving("running") };
@@ -162,6 +195,8 @@ export function fold(before, event) {
       return { ...ended("complete"), result: event.result };
     case "compression":
       return { ...before, compression: compressed(before.compression, event) };
+    case "job":
+      return { ...before, jobs: computed(before.jobs, event) };
     default:
       // A newer daemon's event changes nothing that this page knows to show.
       return before;

@@ -10,7 +10,7 @@ import { API, ApiError, alive } from "./api.js";
 /** The kinds of event that the stream names. */
 export const KINDS = [
   "started", "homed", "moving", "captured", "rejected", "suspended", "paused", "resumed", "aborted",
-  "acquisition_complete", "silhouette", "judged", "hull", "working", "products", "failed", "complete", "compression",
+  "acquisition_complete", "silhouette", "judged", "hull", "working", "products", "failed", "complete", "compression", "job",
 ];
 
 /** After so long without a word the daemon is asked whether it is still there. */

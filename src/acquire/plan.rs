@@ -90,6 +90,12 @@ impl PlanSettings {
             return refuse("retakes", self.retakes.to_string(), remedy);
         }
         let increment_deg = f64::from(self.steps_per_view) * self.step_deg;
+        if (increment_deg - 180.0).abs() < 1e-6 {
+            let remedy = "views from opposite sides show the same outline, which bounds no volume; set another number of \
+                          steps, so that the views look from other directions"
+                .to_owned();
+            return refuse("steps_per_view", self.steps_per_view.to_string(), remedy);
+        }
         if !(self.tolerance_deg > 0.0 && self.tolerance_deg <= 0.5 * increment_deg) {
             let remedy = format!(
                 "set more than 0 and at most {}°, half of the {increment_deg}° between two views",
@@ -156,6 +162,7 @@ mod tests {
             PlanSettings { step_deg: 0.7, ..d() },
             PlanSettings { steps_per_view: 0, ..d() },
             PlanSettings { steps_per_view: 17, ..d() },
+            PlanSettings { views: 2, steps_per_view: 200, ..d() },
             PlanSettings { steps_per_view: u32::MAX, ..d() },
             PlanSettings { settle_ms: u64::MAX, ..d() },
             PlanSettings { retakes: 1000, ..d() },

@@ -3,23 +3,16 @@
 use super::local_rig::{LocalRig, media_type, refused};
 use crate::daemon::{CompressError, CompressRequest, DaemonError};
 use crate::server::{CompressionStarted, Compressions, Content, Download, Refusal, RefusalKind};
-use crate::session::{SessionError, sha256_of};
+use crate::session::sha256_of;
 use serde_json::{Value, json};
 use std::io::Seek as _;
 
 impl LocalRig {
     fn compress_refused(&self, error: &CompressError) -> Refusal {
-        let kind = match error {
-            CompressError::Daemon(DaemonError::Session(SessionError::Locked { .. }))
-            | CompressError::Busy { .. }
-            | CompressError::NotNow(_) => RefusalKind::Busy,
-            CompressError::Daemon(DaemonError::Session(e)) => return refused(e),
-            CompressError::Daemon(DaemonError::Contact(_) | DaemonError::Doubt(_))
-            | CompressError::Unfinished { .. } => RefusalKind::Invalid,
-            CompressError::Absent => RefusalKind::NotFound,
-            CompressError::Daemon(_) => RefusalKind::Failed,
-        };
-        Refusal::new(kind, self.places.hidden(&error.to_string()))
+        match error {
+            CompressError::Daemon(DaemonError::Session(e)) => refused(e),
+            e => self.refusal(e.kind(), e),
+        }
     }
 }
 

@@ -1,11 +1,14 @@
 //! The rig of this computer as the server sees it: the host, its sessions, and what clients may know of them.
 
 use crate::config::Config;
-use crate::daemon::{CompressHost, DaemonError, Host, HostError, PreviewPart, Previews, Watcher};
+use crate::daemon::{
+    Background, CompressHost, ComputeRequest, DaemonError, ErrorKind, Host, HostError, PreviewPart, Previews,
+    Watcher,
+};
 use crate::server::{
     Content, Download, EventFeed, KEPT_EVENTS, Refusal, RefusalKind, Rig, RunRequest, RunStarted,
 };
-use crate::session::event::{CompressionNews, Event, Happening};
+use crate::session::event::{CompressionNews, Event, Happening, JobNews};
 use crate::session::{Hashes, Recording, SessionError, Summary, sha256_hex};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -19,6 +22,7 @@ const NOT_A_CLIENTS: [&str; 7] =
 /// The host as the server sees it.
 pub(super) struct LocalRig {
     host: Arc<Host>,
+    pub(super) background: Arc<Background>,
     pub(super) compressing: Arc<CompressHost>,
     feed: EventFeed,
     pub(super) places: Places,
@@ -40,12 +44,19 @@ impl LocalRig {
                     let error = news.error.as_deref().map(|error| hide.hidden(error));
                     Happening::Compression(CompressionNews { error, ..news.clone() })
                 }
+                Happening::Job(news) => {
+                    let error = news.error.as_deref().map(|error| hide.hidden(error));
+                    Happening::Job(JobNews { error, ..news.clone() })
+                }
                 what => what.clone(),
             };
             push.push(what, event.time);
         });
+        let background = Arc::new(Background::new(Arc::clone(&watcher)));
+        let compressing = CompressHost::new(data, Arc::clone(&background), Arc::clone(&watcher));
         Self {
-            compressing: Arc::new(CompressHost::new(data, Arc::clone(&watcher))),
+            background,
+            compressing: Arc::new(compressing),
             host: Arc::new(Host::new(data.to_owned(), config, watcher)),
             feed,
             places,
@@ -59,9 +70,14 @@ impl LocalRig {
         Arc::clone(&self.host)
     }
 
-    /// The host of compressions, for the program's beginning and end.
+    /// The host of compressions, for the program's beginning.
     pub(super) fn compressing(&self) -> Arc<CompressHost> {
         Arc::clone(&self.compressing)
+    }
+
+    /// What is computed beside the rig, for the program's end.
+    pub(super) fn background(&self) -> Arc<Background> {
+        Arc::clone(&self.background)
     }
 
     fn read(&self, id: &str) -> Result<Recording, Refusal> {
@@ -69,15 +85,28 @@ impl LocalRig {
     }
 
     fn host_refused(&self, error: &HostError) -> Refusal {
-        let told = |kind| Refusal::new(kind, self.places.hidden(&error.to_string()));
         match error {
-            HostError::Busy(_) | HostError::NotNow(_) => told(RefusalKind::Busy),
-            HostError::Daemon(DaemonError::Session(e)) => refused(e),
-            HostError::Config(_) | HostError::Daemon(DaemonError::Config(_) | DaemonError::Acquire(_)) => {
-                told(RefusalKind::Invalid)
-            }
-            HostError::Daemon(_) => told(RefusalKind::Failed),
+            HostError::Daemon(e) => self.daemon_refused(e),
+            e => self.refusal(e.kind(), e),
         }
+    }
+
+    fn daemon_refused(&self, error: &DaemonError) -> Refusal {
+        match error {
+            DaemonError::Session(e) => refused(e),
+            e => self.refusal(e.kind(), e),
+        }
+    }
+
+    /// What a client is told; places on the disk stay here.
+    pub(super) fn refusal(&self, kind: ErrorKind, error: &impl std::fmt::Display) -> Refusal {
+        let kind = match kind {
+            ErrorKind::Usage => RefusalKind::Invalid,
+            ErrorKind::Busy => RefusalKind::Busy,
+            ErrorKind::Absent => RefusalKind::NotFound,
+            ErrorKind::Failed => RefusalKind::Failed,
+        };
+        Refusal::new(kind, self.places.hidden(&error.to_string()))
     }
 }
 
@@ -199,6 +228,14 @@ impl Rig for LocalRig {
         })
     }
 
+    fn compute(&self, request: ComputeRequest) -> Result<u64, Refusal> {
+        self.background.compute(&self.host.store(), request).map_err(|e| self.daemon_refused(&e))
+    }
+
+    fn cancel_job(&self, job: u64) -> Result<(), Refusal> {
+        self.background.cancel(job).map_err(|e| self.refusal(e.kind(), &e))
+    }
+
     fn events(&self) -> EventFeed {
         self.feed.clone()
     }
@@ -241,6 +278,10 @@ pub(super) fn refused(error: &SessionError) -> Refusal {
         // It names the product and what writes it again, and no place on the disk.
         SessionError::Product { .. } => Refusal::new(RefusalKind::Failed, error.to_string()),
         SessionError::Name { .. } => Refusal::new(RefusalKind::Invalid, error.to_string()),
+        SessionError::Locked { .. } => {
+            Refusal::new(RefusalKind::Busy, "another job has the session; wait for its end")
+                .with_detail(error)
+        }
         SessionError::Exists { name, .. } => Refusal::new(
             RefusalKind::Invalid,
             format!("session {name:?} exists already; choose another name, or `grainrig resume {name}`"),

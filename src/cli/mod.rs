@@ -23,16 +23,11 @@ mod study;
 mod verify;
 
 use crate::acquire::QualityMode;
-use crate::config::{Config, ConfigError};
-use crate::daemon::DaemonError;
-use crate::pipeline::PipelineError;
-use crate::session::{SessionError, Store};
+use crate::config::Config;
+use crate::daemon::ErrorKind;
+use crate::session::Store;
 use anyhow::Result;
 use clap::{Args, Parser, Subcommand};
-use grainrig_core::calibrate::ScaleError;
-use grainrig_core::contact::ContactError;
-use grainrig_core::mesh::MeshError;
-use grainrig_core::plausible::Doubt;
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -262,47 +257,7 @@ struct Usage(String);
 
 /// Whether the command line or the configuration is at fault, rather than what was found or done.
 fn is_usage(error: &anyhow::Error) -> bool {
-    error.chain().any(|cause| {
-        cause.is::<Usage>()
-            || cause.is::<ConfigError>()
-            || cause.is::<Doubt>()
-            || cause.downcast_ref().is_some_and(session_usage)
-            || cause.downcast_ref().is_some_and(mesh_usage)
-            || cause.downcast_ref().is_some_and(contact_usage)
-            || match cause.downcast_ref::<DaemonError>() {
-                Some(
-                    DaemonError::Config(_)
-                    | DaemonError::Calibration { .. }
-                    | DaemonError::Angles { .. }
-                    | DaemonError::OtherSize { .. }
-                    | DaemonError::NotFree { .. }
-                    | DaemonError::Taken { .. }
-                    | DaemonError::OneSession { .. }
-                    | DaemonError::MergedAlready { .. }
-                    | DaemonError::Doubt(_)
-                    | DaemonError::Pipeline(PipelineError::Setting { .. } | PipelineError::Doubt(_)),
-                ) => true,
-                Some(DaemonError::Scale(e)) => {
-                    matches!(e, ScaleError::Length { .. } | ScaleError::TooNear { .. })
-                }
-                Some(DaemonError::Contact(e)) => contact_usage(e),
-                Some(DaemonError::Session(e)) => session_usage(e),
-                Some(DaemonError::Mesh(e) | DaemonError::Pipeline(PipelineError::Mesh(e))) => mesh_usage(e),
-                _ => false,
-            }
-    })
-}
-
-fn session_usage(error: &SessionError) -> bool {
-    matches!(error, SessionError::Name { .. } | SessionError::Setting { .. })
-}
-
-fn mesh_usage(error: &MeshError) -> bool {
-    matches!(error, MeshError::Control { .. } | MeshError::TooMany { .. })
-}
-
-fn contact_usage(error: &ContactError) -> bool {
-    matches!(error, ContactError::Setting { .. } | ContactError::Unstable { .. } | ContactError::Doubt(_))
+    error.chain().any(|cause| cause.is::<Usage>() || ErrorKind::of(cause) == Some(ErrorKind::Usage))
 }
 
 /// Marks an error as one of usage.

@@ -4,10 +4,10 @@ use super::Common;
 use super::capture::{conclude, report};
 use super::output::{print, print_json};
 use super::progress::Progress;
-use crate::daemon;
+use crate::daemon::{self, DaemonError};
 use crate::pipeline::MeshSettings;
 use crate::session::to_json_value;
-use anyhow::{Result, bail};
+use anyhow::Result;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -98,9 +98,5 @@ pub(super) fn replay(common: &Common, arguments: &ReplayArguments) -> Result<()>
     if done.differs.is_empty() {
         return if common.json { Ok(()) } else { print("replay     every product has the recorded bytes\n") };
     }
-    bail!(
-        "the replay differs from the recorded products in {}; the recording was made by {}",
-        done.differs.join(", "),
-        done.finished.result.software
-    )
+    Err(DaemonError::Differs { products: done.differs, software: done.finished.result.software }.into())
 }

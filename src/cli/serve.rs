@@ -81,7 +81,7 @@ async fn listen(common: &Common, config: Config, address: SocketAddr) -> Result<
     let mut signals = Signals::listen().context("cannot listen for Ctrl-C")?;
     let monitor = monitor(listener.local_addr()?, options.token.is_some());
     let rig = Arc::new(LocalRig::new(&common.data, config));
-    let (host, compressing) = (rig.host(), rig.compressing());
+    let (host, compressing, background) = (rig.host(), rig.compressing(), rig.background());
     say(format!("the monitor is at {monitor} (Ctrl-C ends it); sessions are in {}", common.data.display()));
 
     if let Some((session, name)) = compressing.go_on() {
@@ -100,8 +100,9 @@ async fn listen(common: &Common, config: Config, address: SocketAddr) -> Result<
     let _ = stop.send(());
     let finished = tokio::task::spawn_blocking(move || {
         std::thread::scope(|scope| {
-            // Both at once; a compression that needs longer has a checkpoint, and goes on from there.
-            scope.spawn(|| compressing.finish(END_LIMIT));
+            // Both at once; a compression that needs longer has a checkpoint, and goes on from there. Another computation changes
+            // nothing before its end.
+            scope.spawn(|| background.finish(END_LIMIT));
             host.finish(END_LIMIT)
         })
     });

@@ -1,15 +1,14 @@
 //! The rig's one job at a time, begun by one client and watched by all.
 
 use super::live::{Begun, TakenUp, begin, take_up};
-use super::{DaemonError, DeviceLine, Finding, Watcher, devices, doctor};
+use super::slot::{NotTaken, Over, Slot};
+use super::{DaemonError, DeviceLine, Finding, Watcher, devices, doctor, ended};
 use crate::acquire::{Control, Phase};
 use crate::config::{Config, ConfigError};
 use crate::session::Store;
 use crate::session::event::{Event, Happening};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Duration;
 
@@ -18,26 +17,17 @@ pub struct Host {
     store: Store,
     config: Config,
     watcher: Watcher,
-    job: Mutex<Option<Job>>,
+    /// No run waits in it: somebody must put the next grain on the pedestal first.
+    slot: Slot<Run>,
     /// Held while the rig is looked at: no run begins meanwhile.
     examined: Mutex<()>,
-    /// The program ends: no run begins any more.
-    closed: AtomicBool,
 }
 
-struct Job {
+/// What is known of a run.
+#[derive(Clone)]
+struct Run {
     session: String,
     control: Control,
-    /// Its watchers were told of the end; rig and session are let go of a moment later.
-    told: Arc<AtomicBool>,
-    /// Nothing is ever sent: it hangs up when the run's thread has let go of everything.
-    thread: Receiver<()>,
-}
-
-impl Job {
-    fn is_over(&self) -> bool {
-        self.told.load(Ordering::Acquire)
-    }
 }
 
 /// Why the host did not do what it was asked.
@@ -60,17 +50,12 @@ pub enum HostError {
 impl Host {
     /// A host of sessions in `data`, captured as `config` says; `watcher` is told of every run's events.
     pub fn new(data: PathBuf, config: Config, watcher: Watcher) -> Self {
-        let (job, examined) = (Mutex::new(None), Mutex::new(()));
-        Self { store: Store::new(data), config, watcher, job, examined, closed: AtomicBool::new(false) }
+        Self { store: Store::new(data), config, watcher, slot: Slot::new("run", 0), examined: Mutex::new(()) }
     }
 
     /// The sessions.
     pub fn store(&self) -> Store {
         self.store.clone()
-    }
-
-    fn job(&self) -> MutexGuard<'_, Option<Job>> {
-        self.job.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Begins a capture and returns its session's name once rig and session are there.
@@ -113,35 +98,13 @@ impl Host {
         begin: impl FnOnce() -> Result<Begun, HostError>,
     ) -> Result<String, HostError> {
         let _at_the_rig = self.rig_alone()?;
-        let mut job = self.job();
-        if self.closed.load(Ordering::Acquire) {
-            return Err(HostError::NotNow("the program is ending; start it again, then the run"));
-        }
-        if let Some(before) = job.as_ref() {
-            if !before.is_over() {
-                return Err(HostError::Busy(before.session.clone()));
-            }
-            // Who saw the end may begin the next run at once; rig and session are free in a moment.
-            let _ = before.thread.recv();
-        }
-        *job = None;
+        let free = self.slot.free()?;
         let begun = begin()?;
-        let control = Control::attended();
-        let told = Arc::new(AtomicBool::new(false));
-        let (hang_up, thread) = channel();
+        let run = Run { session: name.to_owned(), control: Control::attended() };
         let (first_told, first) = channel();
-        let run = Run {
-            control: control.clone(),
-            told: Arc::clone(&told),
-            watcher: Arc::clone(&self.watcher),
-            first: Mutex::new(Some(first_told)),
-        };
-        std::thread::Builder::new()
-            .name("run".into())
-            .spawn(move || run.carry_out(begun, hang_up))
-            .map_err(|source| DaemonError::Thread { source })?;
-        *job = Some(Job { session: name.to_owned(), control, told, thread });
-        drop(job);
+        let (control, watcher) = (run.control.clone(), Arc::clone(&self.watcher));
+        let work = move |over: &Over| carry_out(begun, &control, over, &watcher, first_told);
+        free.begin(run, work).map_err(|source| DaemonError::Thread { source })?;
         // Whoever is told that there is a run finds it in the status, and not the end of the one before. Where the run ends
         // without a word the sender is gone.
         let _ = first.recv();
@@ -173,8 +136,8 @@ impl Host {
     /// [`HostError::Busy`] while a run goes on, [`HostError::NotNow`] while the rig is looked at already.
     pub fn doctor(&self) -> Result<Vec<Finding>, HostError> {
         let _at_the_rig = self.rig_alone()?;
-        if let Some(running) = self.job().as_ref().filter(|j| !j.is_over()) {
-            return Err(HostError::Busy(running.session.clone()));
+        if let Some(running) = self.slot.running() {
+            return Err(HostError::Busy(running.session));
         }
         Ok(doctor(&self.config, self.store.data(), &mut |_| {}))
     }
@@ -221,8 +184,7 @@ impl Host {
     }
 
     fn steer(&self, act: impl FnOnce(&Control) -> Result<(), HostError>) -> Result<(), HostError> {
-        let job = self.job();
-        let Some(running) = job.as_ref().filter(|j| !j.is_over()) else {
+        let Some(running) = self.slot.running() else {
             return Err(HostError::NotNow("there is no run; start one first"));
         };
         if matches!(running.control.phase(), Phase::Complete | Phase::Aborted | Phase::Failed) {
@@ -238,58 +200,42 @@ impl Host {
     /// A view in hand is finished. A mesh that is being made can't be stopped, but what it is made from is on
     /// the disk: a program that ends in spite of it loses nothing that `grainrig resume` doesn't bring back.
     pub fn finish(&self, limit: Duration) -> bool {
-        self.closed.store(true, Ordering::Release);
-        let Some(running) = self.job().take() else { return true };
-        running.control.abort();
-        running.thread.recv_timeout(limit) != Err(RecvTimeoutError::Timeout)
+        self.slot.close(|run| run.control.abort(), limit)
     }
 }
 
-/// What the run's thread needs besides the run.
-struct Run {
-    control: Control,
-    told: Arc<AtomicBool>,
-    watcher: Watcher,
-    /// Told once, after the watchers were told of the run's first event.
-    first: Mutex<Option<Sender<()>>>,
+impl From<NotTaken<Run>> for HostError {
+    fn from(why: NotTaken<Run>) -> Self {
+        match why {
+            NotTaken::Closed => Self::NotNow("the program is ending; start it again, then the run"),
+            NotTaken::Busy(run) => Self::Busy(run.session),
+        }
+    }
 }
 
-impl Run {
-    /// Runs, and makes sure that the watchers are told of an end, whatever it is.
-    fn carry_out(self, begun: Begun, hang_up: Sender<()>) {
-        let (told, tell, first) = (Arc::clone(&self.told), Arc::clone(&self.watcher), self.first);
-        let watcher: Watcher = Arc::new(move |event: &Event| {
-            let is_end = matches!(
-                event.what,
-                Happening::Complete { .. } | Happening::Failed { .. } | Happening::Aborted
-            );
-            // First, so that whoever is told may begin the next run.
-            told.fetch_or(is_end, Ordering::Release);
-            tell(event);
-            let began = first.lock().unwrap_or_else(PoisonError::into_inner).take();
-            if let Some(began) = began {
-                // Nobody may be waiting any more.
-                let _ = began.send(());
-            }
-        });
-        let ended = catch_unwind(AssertUnwindSafe(|| begun.run(None, &self.control, &watcher)));
-        let error = match ended {
-            Ok(Ok(_)) => None,
-            Ok(Err(error)) => Some(error.to_string()),
-            Err(_) => Some(
-                "the run ended by a defect of the program; what was captured stays: please report it with the \
-                 log, and resume the session"
-                    .into(),
-            ),
-        };
-        if let Some(error) = error {
-            tracing::warn!("{error}");
-            // A journal that can't be written can't tell of the end.
-            if !self.told.load(Ordering::Acquire) {
-                let what = Happening::Failed { error };
-                watcher(&Event { seq: 0, time: jiff::Timestamp::now(), what });
-            }
+/// Runs, and makes sure that the watchers are told of an end, whatever it is. `first_told` hears when they were told of the
+/// run's first event.
+fn carry_out(begun: Begun, control: &Control, over: &Over, watcher: &Watcher, first_told: Sender<()>) {
+    let (tell, first) = (Arc::clone(watcher), Mutex::new(Some(first_told)));
+    let is_over = over.clone();
+    let watcher: Watcher = Arc::new(move |event: &Event| {
+        // First, so that whoever is told may begin the next run.
+        if matches!(event.what, Happening::Complete { .. } | Happening::Failed { .. } | Happening::Aborted) {
+            is_over.set();
         }
-        drop(hang_up);
+        tell(event);
+        let began = first.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if let Some(began) = began {
+            // Nobody may be waiting any more.
+            let _ = began.send(());
+        }
+    });
+    let what = "the run ended by a defect of the program; what was captured stays: please report it with the log, and resume \
+                the session";
+    let Err(error) = ended(what, || begun.run(None, control, &watcher)) else { return };
+    tracing::warn!("{error}");
+    // A journal that can't be written can't tell of the end.
+    if !over.is_set() {
+        watcher(&Event { seq: 0, time: jiff::Timestamp::now(), what: Happening::Failed { error } });
     }
 }

@@ -3,8 +3,8 @@
 use super::devices;
 use super::finish::{self, Finished, product_paths};
 use super::recorded::{
-    MadeBefore, WAITING_VIEWS, check_views, computation, conclude, lock, made_before, note, reconstruct,
-    replay, send_recorded,
+    MadeBefore, WAITING_VIEWS, check_views, computation, conclude, joined, lock, made_before, note,
+    reconstruct, replay, send_recorded,
 };
 use super::{DaemonError, Watcher};
 use crate::acquire::{self, Control, Judge, Outcome, QualityMode, SessionSink, SystemClock};
@@ -281,10 +281,7 @@ impl Begun {
                     acquire::run(&mut *rig.stage, &mut *rig.camera, plan, &mut sink, control, &clock)?;
                 Ok(ended)
             });
-            let made = match computing.join() {
-                Ok(made) => made,
-                Err(panic) => std::panic::resume_unwind(panic),
-            };
+            let made = joined(computing);
             match acquired? {
                 Outcome::Complete { .. } => Ok(Some(made?)),
                 Outcome::Aborted { .. } => Ok(None),

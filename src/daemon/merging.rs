@@ -2,7 +2,7 @@
 //! its own.
 
 use super::finish::{self, Finished, Made};
-use super::recorded::{Numbered, WAITING_VIEWS, check_views, computation, record, send_recorded};
+use super::recorded::{Numbered, check_views, computation, fed, record};
 use super::{DaemonError, Watcher};
 use crate::pipeline::{
     self, Merged, MeshSettings, Pipeline, PipelineError, Product, ResultFile, SeenPose, Settings,
@@ -11,7 +11,6 @@ use crate::session::event::Happening;
 use crate::session::{Manifest, MergeSource, Origin, Plan, Recording, SessionError, Store, check_name};
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::mpsc::sync_channel;
 use std::time::Instant;
 
 /// Computes the cones of two sessions from their recordings, finds how the grain lies in the second to how it lies in
@@ -181,15 +180,6 @@ fn seen(recording: &Recording, told: &Numbered) -> Result<(Posed, Settings), Dae
     pipeline.settings.report.pictures = false;
     let views = recording.views().len();
     told.tell(Happening::Started { session: name.clone(), views, already_captured: views });
-    let (send, receive) = sync_channel(WAITING_VIEWS);
-    let pose = std::thread::scope(|scope| {
-        let feeding = scope.spawn(move || send_recorded(recording, &send, |view| view));
-        let pose = pipeline.pose(&name, receive, &|what| told.tell(what));
-        match feeding.join() {
-            Ok(fed) => fed?,
-            Err(panic) => std::panic::resume_unwind(panic),
-        }
-        Ok::<_, DaemonError>(pose?)
-    })?;
+    let pose = fed(recording, |views| pipeline.pose(&name, views, &|what| told.tell(what)))?;
     Ok((Posed { name, pose }, pipeline.settings))
 }

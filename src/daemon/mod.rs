@@ -1,5 +1,6 @@
 //! Owns the one rig and its one job at a time; what both the command line and the server drive.
 
+mod background;
 mod compressing;
 mod devices;
 mod doctor;
@@ -7,13 +8,17 @@ mod finish;
 mod focus;
 mod host;
 mod importing;
+mod kind;
 mod live;
 mod merging;
 mod preview;
+mod recompute;
 mod recorded;
 mod scale_file;
 mod scaling;
+mod slot;
 
+pub use background::{Background, BackgroundError};
 pub use compressing::{
     Claim, CompressDetails, CompressError, CompressFile, CompressHost, CompressInput, CompressLine,
     CompressMaterial, CompressProgress, CompressRequest, CompressResult, CompressSettings, CompressState,
@@ -25,9 +30,11 @@ pub use finish::{Finished, RESULT};
 pub use focus::{Focused, focus};
 pub use host::{Host, HostError};
 pub use importing::{ImportGeometry, import};
+pub use kind::ErrorKind;
 pub use live::{Resumed, capture, resume};
 pub use merging::merge;
 pub use preview::{Preview, PreviewPart, Previews};
+pub use recompute::ComputeRequest;
 pub use recorded::{Replayed, reconstruct, replay};
 pub use scale_file::{BodyKind, GivenScale, PictureScale, ScaleFile};
 pub use scaling::{Angles, ScaleRequest, calibrate_scale};
@@ -41,11 +48,20 @@ use crate::session::{Fault, SessionError};
 use grainrig_core::calibrate::ScaleError;
 use grainrig_core::contact::ContactError;
 use grainrig_core::formats::ExportError;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Told of every event of a job, in order. Called while the session is held: it must not block.
 pub type Watcher = Arc<dyn Fn(&Event) + Send + Sync>;
+
+/// What came of a job on a thread of its own; in words what went wrong, `defect` where it panicked.
+fn ended<T, E: std::fmt::Display>(defect: &str, job: impl FnOnce() -> Result<T, E>) -> Result<T, String> {
+    match catch_unwind(AssertUnwindSafe(job)) {
+        Ok(ended) => ended.map_err(|error| error.to_string()),
+        Err(_) => Err(defect.to_owned()),
+    }
+}
 
 /// The first few faults, each with its remedy.
 fn told(faults: &[Fault]) -> String {
@@ -73,6 +89,17 @@ pub enum DaemonError {
         /// What is wrong.
         faults: Vec<Fault>,
     },
+    /// A recording that does not come out as it did.
+    #[error("the replay differs from the recorded products in {}; the recording was made by {software}", products.join(", "))]
+    Differs {
+        /// Names of the products that differ.
+        products: Vec<String>,
+        /// What made the recording.
+        software: String,
+    },
+    /// It is not computed now.
+    #[error(transparent)]
+    Queue(#[from] BackgroundError),
     /// The capture.
     #[error(transparent)]
     Acquire(#[from] AcquireError),

@@ -12,8 +12,9 @@ use crate::session::{Origin, Plan, PlannedView, Recording, Session, SessionError
 use grainrig_core::formats::Photograph;
 use grainrig_core::geometry::Angle;
 use std::path::Path;
-use std::sync::mpsc::{SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::ScopedJoinHandle;
 
 /// Pictures that may wait for the workers.
 pub(super) const WAITING_VIEWS: usize = 2;
@@ -144,16 +145,26 @@ pub(super) fn compute(
     pipeline: &Pipeline,
     session: &Mutex<Session>,
 ) -> Result<Reconstruction, DaemonError> {
+    fed(recording, |views| pipeline.run(views, &|what| note(session, what)))
+}
+
+/// Hands the recorded views to a computation on this thread, and reads them on another.
+pub(super) fn fed<T>(
+    recording: &Recording,
+    compute: impl FnOnce(Receiver<View>) -> Result<T, PipelineError>,
+) -> Result<T, DaemonError> {
     let (send, receive) = sync_channel(WAITING_VIEWS);
     std::thread::scope(|scope| {
         let feeding = scope.spawn(move || send_recorded(recording, &send, |view| view));
-        let made = pipeline.run(receive, &|what| note(session, what));
-        match feeding.join() {
-            Ok(fed) => fed?,
-            Err(panic) => std::panic::resume_unwind(panic),
-        }
+        let made = compute(receive);
+        joined(feeding)?;
         Ok(made?)
     })
+}
+
+/// What a thread came to; a panic goes on in this one.
+pub(super) fn joined<T>(thread: ScopedJoinHandle<'_, T>) -> T {
+    thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
 }
 
 /// Journals an event of the computation; a journal that can't be written ends the job at its next durable step.
@@ -254,17 +265,14 @@ fn played(
     let (send, receive) = sync_channel(WAITING_VIEWS);
     let numbered = Numbered::new(watcher);
     std::thread::scope(|scope| {
-        let computing = scope.spawn(|| pipeline.run(receive, &|what| numbered.tell(what)));
-        let (mut stage, mut camera) = play(recording.clone());
-        let mut sink = ReplaySink { recording, send, numbered: &numbered };
-        let control = Control::new();
-        let ended = acquire::run(&mut stage, &mut camera, &plan, &mut sink, &control, &SystemClock::new());
-        drop(sink);
-        let made = match computing.join() {
-            Ok(made) => made,
-            Err(panic) => std::panic::resume_unwind(panic),
-        };
-        match ended? {
+        let (numbered, plan) = (&numbered, &plan);
+        let acquiring = scope.spawn(move || {
+            let (mut stage, mut camera) = play(recording.clone());
+            let mut sink = ReplaySink { recording, send, numbered };
+            acquire::run(&mut stage, &mut camera, plan, &mut sink, &Control::new(), &SystemClock::new())
+        });
+        let made = pipeline.run(receive, &|what| numbered.tell(what));
+        match joined(acquiring)? {
             Outcome::Complete { .. } => Ok::<_, DaemonError>(made?),
             Outcome::Aborted { captured } => {
                 let planned = plan.views.len();

@@ -46,7 +46,7 @@ pub struct HullSettings {
 }
 
 /// The mesh's controls; what is absent follows from the grain's size.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MeshSettings {
     /// Largest circumradius of a surface facet, mm.

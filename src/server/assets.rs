@@ -7,7 +7,7 @@ use axum::routing::get;
 use super::routes::App;
 
 /// Address, content type and bytes of every file of the page.
-const FILES: [(&str, &str, &[u8]); 19] = [
+const FILES: [(&str, &str, &[u8]); 20] = [
     ("/", "text/html; charset=utf-8", include_bytes!("../../web/index.html")),
     ("/monitor.css", "text/css; charset=utf-8", include_bytes!("../../web/monitor.css")),
     ("/monitor.js", JS, include_bytes!("../../web/monitor.js")),
@@ -16,6 +16,7 @@ const FILES: [(&str, &str, &[u8]); 19] = [
     ("/chart.js", JS, include_bytes!("../../web/chart.js")),
     ("/curve.js", JS, include_bytes!("../../web/curve.js")),
     ("/compress.js", JS, include_bytes!("../../web/compress.js")),
+    ("/jobs.js", JS, include_bytes!("../../web/jobs.js")),
     ("/picture.js", JS, include_bytes!("../../web/picture.js")),
     ("/sessions.js", JS, include_bytes!("../../web/sessions.js")),
     ("/stream.js", JS, include_bytes!("../../web/stream.js")),

@@ -18,6 +18,7 @@ mod error;
 mod feed;
 mod guard;
 mod guesses;
+mod jobs;
 mod openapi;
 mod places;
 mod routes;
@@ -32,6 +33,7 @@ use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 
+use crate::daemon::ComputeRequest;
 use serde::{Deserialize, Serialize};
 use tokio::net::TcpListener;
 use tokio::sync::watch;
@@ -42,6 +44,7 @@ pub use download::{Content, Download};
 pub use error::{ErrorBody, ErrorText, Refusal, RefusalKind, ServerError};
 pub use feed::{EventFeed, KEPT_EVENTS, Snapshot, Subscription};
 pub use guard::{MIN_TOKEN_LENGTH, check_bind};
+pub use jobs::{JobStarted, JobStatus};
 pub use status::{HullPoint, RejectedPicture, RunState, Stage, Status, ViewVerdict, ViewWarning};
 
 /// How long open requests may take after the end was asked for.
@@ -139,6 +142,19 @@ pub trait Rig: Compressions {
     /// # Errors
     /// [`RefusalKind::NotFound`] when the session does not list it.
     fn product(&self, id: &str, file: &str) -> Result<Download, Refusal>;
+
+    /// Begins a computation over recorded sessions, or lets it wait; its number.
+    ///
+    /// # Errors
+    /// [`RefusalKind::Invalid`] for what makes no sense, [`RefusalKind::NotFound`] where there is no such session,
+    /// [`RefusalKind::Busy`] where too many wait.
+    fn compute(&self, request: ComputeRequest) -> Result<u64, Refusal>;
+
+    /// Takes a waiting computation out of the queue, or stops the one that goes on.
+    ///
+    /// # Errors
+    /// [`RefusalKind::NotFound`] where there is none of this number, [`RefusalKind::Busy`] where it can't be stopped.
+    fn cancel_job(&self, job: u64) -> Result<(), Refusal>;
 
     /// The feed into which the rig pushes what happens.
     fn events(&self) -> EventFeed;

@@ -10,9 +10,11 @@ use super::error::{ErrorBody, ErrorText};
 use super::guard::COOKIE;
 use super::status::{HullPoint, RejectedPicture, RunState, Stage, Status, ViewVerdict, ViewWarning};
 use super::{
-    CompressionStarted, CompressionStatus, RunRequest, RunStarted, compressing, routes, schemas, stream,
+    CompressionStarted, CompressionStatus, JobStarted, JobStatus, RunRequest, RunStarted, compressing, jobs,
+    routes, schemas, stream,
 };
-use crate::daemon::{CompressMaterial, CompressRequest};
+use crate::daemon::{CompressMaterial, CompressRequest, ComputeRequest};
+use crate::pipeline::MeshSettings;
 
 #[derive(OpenApi)]
 #[openapi(
@@ -41,6 +43,9 @@ use crate::daemon::{CompressMaterial, CompressRequest};
         compressing::list,
         compressing::one,
         compressing::file,
+        jobs::list,
+        jobs::start,
+        jobs::cancel,
         stream::events,
         document
     ),
@@ -58,6 +63,10 @@ use crate::daemon::{CompressMaterial, CompressRequest};
         CompressMaterial,
         CompressionStarted,
         CompressionStatus,
+        ComputeRequest,
+        MeshSettings,
+        JobStarted,
+        JobStatus,
         ErrorBody,
         ErrorText,
         StreamedEvent,
@@ -111,7 +120,7 @@ pub(super) struct StreamedEvent {
     #[schema(value_type = String, format = DateTime)]
     time: Timestamp,
     /// The kind: `started`, `homed`, `moving`, `captured`, `rejected`, `suspended`, `paused`, `resumed`, `aborted`,
-    /// `acquisition_complete`, `silhouette`, `judged`, `hull`, `working`, `products`, `failed`, `complete` or `compression`.
+    /// `acquisition_complete`, `silhouette`, `judged`, `hull`, `working`, `products`, `failed`, `complete`, `compression` or `job`.
     event: String,
 }
 

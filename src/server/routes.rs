@@ -18,7 +18,9 @@ use utoipa::{IntoParams, ToSchema};
 use super::error::{ErrorBody, ServerError};
 use super::guard::{self, Guard, shortened};
 use super::status::Status;
-use super::{Download, Refusal, Rig, RunRequest, RunStarted, assets, compressing, openapi, schemas, stream};
+use super::{
+    Download, Refusal, Rig, RunRequest, RunStarted, assets, compressing, jobs, openapi, schemas, stream,
+};
 
 /// Largest body that is read.
 pub(super) const BODY_LIMIT_BYTES: usize = 64 * 1024;
@@ -54,6 +56,7 @@ pub(super) fn router(app: App) -> Router {
         .route("/sessions/{id}/previews/{file}", get(preview))
         .route("/sessions/{id}/products/{file}", get(product))
         .merge(compressing::routes())
+        .merge(jobs::routes())
         .route("/events", get(stream::events))
         .route("/openapi.json", get(openapi::document));
     // Path only: the query may hold the token.

@@ -15,6 +15,7 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::compressing::CompressionStatus;
+use super::jobs::JobStatus;
 use super::schemas::GrainResult;
 use crate::session::event::Happening;
 use grainrig_core::silhouette::Verdict;
@@ -135,6 +136,8 @@ pub struct Status {
     pub error: Option<String>,
     /// The compression that goes on beside the runs, or the last one; `null` before the first.
     pub compression: Option<CompressionStatus>,
+    /// The computations beside the rig that wait or go on, and the last ones that have ended, the newest last.
+    pub jobs: Vec<JobStatus>,
 }
 
 impl Status {
@@ -148,6 +151,7 @@ impl Status {
                     views: *views,
                     captured: *already_captured,
                     compression: self.compression.take(),
+                    jobs: std::mem::take(&mut self.jobs),
                     ..Self::default()
                 };
             }
@@ -212,6 +216,7 @@ impl Status {
             Happening::Compression(news) => {
                 self.compression = Some(CompressionStatus::after(self.compression.take(), news));
             }
+            Happening::Job(news) => JobStatus::apply(&mut self.jobs, news),
         }
     }
 

@@ -105,6 +105,63 @@ pub struct CompressionNews {
     pub error: Option<String>,
 }
 
+/// What a computation beside the rig does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum JobKind {
+    /// A session's hull and mesh again.
+    Reconstruct,
+    /// A session the whole way again, from its recording.
+    Replay,
+    /// A session's files against the hashes in its journal.
+    Verify,
+    /// Two captures to one grain.
+    Merge,
+    /// A grain between two plates.
+    Compress,
+}
+
+/// How a computation beside the rig stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum JobState {
+    /// Others come first.
+    Waiting,
+    /// It is being computed.
+    Running,
+    /// It has done what it was to do.
+    Complete,
+    /// Somebody stopped it, or took it out of the queue.
+    Cancelled,
+    /// The program ended.
+    Interrupted,
+    /// It could not go on.
+    Failed,
+}
+
+/// What is new of a computation beside the rig.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct JobNews {
+    /// Its number since the program began, from 1.
+    pub job: u64,
+    /// What it does.
+    pub kind: JobKind,
+    /// Name of the session whose results it makes.
+    pub session: String,
+    /// Of a compression: its name among the session's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// How it stands.
+    pub state: JobState,
+    /// What is being done, in words.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub phase: Option<String>,
+    /// How much of that is done, 0 to 1.
+    pub done: f64,
+    /// Why it failed.
+    pub error: Option<String>,
+}
+
 /// The kinds of event.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
@@ -220,4 +277,6 @@ pub enum Happening {
     },
     /// A compression of a session's grain began, went on or ended. Whoever watches is told; no journal has it.
     Compression(CompressionNews),
+    /// A computation beside the rig was asked for, began, went on or ended. Whoever watches is told; no journal has it.
+    Job(JobNews),
 }

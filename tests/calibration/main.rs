@@ -2,10 +2,14 @@
 //!
 //! `GRAINRIG_RIGS=200 cargo test --release --test calibration -- --nocapture` makes as many random rigs of each kind.
 
-#[path = "../kit/mod.rs"]
+#[path = "../support/kit/mod.rs"]
 mod kit;
+#[path = "../support/random.rs"]
+mod random;
 mod rendered;
 mod rigs;
+#[path = "../support/skip.rs"]
+mod skip;
 
 use grainrig::rig::simulated::Settings;
 use grainrig_core::calibrate::{Calibration, Finding, FindingKind, Known};

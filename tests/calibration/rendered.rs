@@ -1,8 +1,8 @@
 //! The rendered turntable, whose truth is known: `../shared/data/turntable-rendered`.
 
 use crate::kit::Lab;
+use crate::skip::shared_data;
 use serde_json::Value;
-use std::path::Path;
 
 fn number(value: &Value, pointer: &str) -> f64 {
     value.pointer(pointer).and_then(Value::as_f64).unwrap_or_else(|| panic!("no number at {pointer}"))
@@ -16,12 +16,7 @@ fn rms(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
 
 #[test]
 fn the_rendered_turntable_is_measured_from_its_pictures() {
-    let folder =
-        Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/turntable-rendered/sand_ma107_00002");
-    if !folder.exists() {
-        println!("skipped: no {}", folder.display());
-        return;
-    }
+    let Some(folder) = shared_data("turntable-rendered/sand_ma107_00002") else { return };
     let text = |name: &str| std::fs::read_to_string(folder.join("truth").join(name)).unwrap();
     let truth: Value = serde_json::from_str(&text("truth.json")).unwrap();
     let table: Vec<Vec<f64>> = (text("true_angles.csv").lines().skip(1))

@@ -1,5 +1,7 @@
 //! Random simulated rigs: photographs through the real encoder, decoder and silhouettes.
 
+use crate::random::Random;
+use crate::skip::shared_data;
 use grainrig::rig::simulated::{Faults, Settings, Slip, Truth, open};
 use grainrig::rig::{Camera as _, RotationStage as _};
 use grainrig_core::calibrate::{Axis, Calibration, Known, Measured, SeenView, Upright, calibrate};
@@ -7,31 +9,10 @@ use grainrig_core::formats::decode;
 use grainrig_core::geometry::Angle;
 use grainrig_core::silhouette::{self, Found, PedestalSeen, joint_stand};
 use rayon::prelude::*;
-use std::path::PathBuf;
 
-/// Numbers evenly spread from 0 to 1 that follow from a seed (splitmix64).
-pub struct Draw(u64);
-
-impl Draw {
-    pub fn new(seed: u64) -> Self {
-        Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x5851_f42d_4c95_7f2d)
-    }
-
-    pub fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    pub fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.next()
-    }
-
-    pub fn pick<T: Clone>(&mut self, of: &[T]) -> T {
-        of[(self.next() * of.len() as f64) as usize].clone()
-    }
+/// Numbers for one rig: neighbouring seeds have nothing in common.
+pub fn random_of(seed: u64) -> Random {
+    Random::new(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x5851_f42d_4c95_7f2d)
 }
 
 /// Views of half a turn; one more closes it.
@@ -48,7 +29,7 @@ pub enum Wrong {
 
 /// A rig as it stands in the laboratory: in focus, well lit, its wobble below half a pixel; the rest at random.
 pub fn laboratory(seed: u64, wrong: Wrong) -> Settings {
-    let mut draw = Draw::new(seed ^ 0x1ab);
+    let mut draw = random_of(seed ^ 0x1ab);
     let rig = random(seed, wrong);
     Settings {
         mm_per_px: 0.0033,
@@ -75,8 +56,8 @@ pub fn small(seed: u64, size_px: f64, wrong: Wrong) -> Settings {
 
 /// A rig anywhere within wide limits.
 pub fn random(seed: u64, wrong: Wrong) -> Settings {
-    let mut draw = Draw::new(seed);
-    let folder = PathBuf::from("../shared/data/grains");
+    let mut draw = random_of(seed);
+    let folder = shared_data("grains");
     let shapes = [
         "sand_ma107_00002",
         "sand_ma107_00107",
@@ -87,8 +68,8 @@ pub fn random(seed: u64, wrong: Wrong) -> Settings {
         "ct_ma160_02444",
         "lsdem_sand",
     ]
-    .map(|name| Some(folder.join(format!("{name}.stl"))));
-    let shape = if draw.next() < 0.6 && folder.exists() { draw.pick(&shapes) } else { None };
+    .map(|name| folder.as_ref().map(|folder| folder.join(format!("{name}.stl"))));
+    let shape = if draw.unit() < 0.6 && folder.is_some() { draw.pick(&shapes) } else { None };
     let mut settings = Settings {
         seed,
         grain_stl: shape,
@@ -103,7 +84,7 @@ pub fn random(seed: u64, wrong: Wrong) -> Settings {
         wobble_px: draw.between(0.0, 2.0),
         blur_px: draw.between(0.5, 3.0),
         noise_sd: draw.between(0.0, 4.0),
-        bright_background: draw.next() < 0.5,
+        bright_background: draw.unit() < 0.5,
         ..Settings::default()
     };
     match wrong {
@@ -120,7 +101,7 @@ pub fn random(seed: u64, wrong: Wrong) -> Settings {
 /// A rig anywhere within wide limits whose camera looks up or down as well, whose steps are all a little too large or too
 /// small, and whose distance was noted wrong; with that distance, mm.
 pub fn misread(seed: u64) -> (Settings, Option<f64>) {
-    let mut draw = Draw::new(seed ^ 0x9c7);
+    let mut draw = random_of(seed ^ 0x9c7);
     let rig = random(seed, Wrong::StepRatio(draw.between(0.99, 1.01)));
     let elevation_deg = draw.between(-1.0, 1.0);
     let given = draw.between(0.7, 1.6) * rig.camera_distance_mm.unwrap_or(250.0);

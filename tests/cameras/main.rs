@@ -4,19 +4,21 @@ mod bench;
 mod conformance;
 #[cfg(feature = "gphoto2")]
 mod faults;
-#[path = "../kit/mod.rs"]
+#[path = "../support/kit/mod.rs"]
 mod kit;
 #[cfg(feature = "gphoto2")]
 mod live;
 #[cfg(feature = "gphoto2")]
 mod network;
 #[cfg(feature = "gphoto2")]
-#[path = "../ptp_camera/mod.rs"]
+#[path = "../support/ptp_camera/mod.rs"]
 mod ptp_camera;
 #[cfg(feature = "gphoto2")]
 mod runs;
+#[path = "../support/skip.rs"]
+mod skip;
 #[cfg(feature = "v4l")]
 mod video;
 #[cfg(feature = "v4l")]
-#[path = "../video_camera/mod.rs"]
+#[path = "../support/video_camera/mod.rs"]
 mod video_camera;

@@ -1,4 +1,4 @@
-//! The real v4l crate before a device in user space, which `tests/video_camera` is.
+//! The real v4l crate before a device in user space, which `tests/support/video_camera` is.
 //!
 //! The device comes into a process when that process starts, so each test runs itself again with it.
 

@@ -1,6 +1,7 @@
 //! A full disk: what fits stays, what does not fit is told with its bytes, and the next run goes on.
 
 use crate::kit::{Lab, Ran, VIEWS, files};
+use crate::skip::{Lacking, skip};
 use grainrig::session::State;
 use std::process::Command;
 
@@ -96,8 +97,7 @@ fn a_run_that_will_not_fit_is_refused_before_it_begins() {
         shell
     };
     if !own(mount).output().is_ok_and(|o| o.status.success()) {
-        eprintln!("skipped: this system lets nobody mount a small file system of his own");
-        return;
+        return skip(Lacking::System, "nobody may mount a small file system of his own here");
     }
     // What is left in the data folder is printed: it is gone with the process.
     let ran =

@@ -2,7 +2,7 @@
 //! says whose fault it is, what was captured stays, and nothing panics.
 
 mod disk;
-#[path = "../kit/mod.rs"]
+#[path = "../support/kit/mod.rs"]
 mod kit;
 mod names;
 mod next;
@@ -11,5 +11,7 @@ mod quality;
 mod rehearsal;
 mod sessions;
 mod settings;
+#[path = "../support/skip.rs"]
+mod skip;
 mod streams;
 mod units;

@@ -1,5 +1,6 @@
 //! The same mesh and load in `CalculiX`.
 
+use crate::skip::{Lacking, skip};
 use serde_json::Value;
 use std::process::{Command, Stdio};
 use tempfile::TempDir;
@@ -16,8 +17,7 @@ fn force_at(curve: &[[f64; 2]], approach_mm: f64) -> Option<f64> {
 #[test]
 fn calculix_runs_the_deck_of_a_real_grain_with_friction_to_its_end() {
     if Command::new("ccx").arg("-v").stdout(Stdio::null()).stderr(Stdio::null()).status().is_err() {
-        println!("skipped: ccx is not installed");
-        return;
+        return skip(Lacking::Tools, "no ccx on the path");
     }
     let Some(bytes) = crate::grain::grain() else { return };
     let folder = TempDir::new().unwrap();
@@ -87,8 +87,7 @@ fn calculix_runs_the_deck_of_a_real_grain_with_friction_to_its_end() {
 fn calculix_finds_the_same_forces_at_every_stage() {
     let there = Command::new("ccx").arg("-v").stdout(Stdio::null()).stderr(Stdio::null()).status();
     if there.is_err() {
-        println!("skipped: ccx is not installed");
-        return;
+        return skip(Lacking::Tools, "no ccx on the path");
     }
     let folder = TempDir::new().unwrap();
     let out = Command::new(env!("CARGO_BIN_EXE_grainrig"))

@@ -1,11 +1,12 @@
 //! `grainrig compress` as a user runs it.
 
 use crate::bodies::ball;
+use crate::skip::shared_data;
 use grainrig_core::contact::experiment::{Compliance, read};
 use grainrig_core::geometry::TriangleMesh;
 use serde_json::Value;
 use std::io::{BufRead as _, BufReader};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use tempfile::TempDir;
 
@@ -28,11 +29,6 @@ fn json(command: &mut Command) -> Value {
 fn refused(command: &mut Command) -> (i32, String) {
     let out = command.output().unwrap();
     (out.status.code().unwrap(), String::from_utf8_lossy(&out.stderr).into_owned())
-}
-
-fn real_bluehill() -> Option<PathBuf> {
-    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/bluehill"));
-    folder.is_dir().then(|| folder.to_owned())
 }
 
 #[test]
@@ -257,10 +253,7 @@ fn what_cannot_be_compressed_is_refused_with_what_to_do() {
 
 #[test]
 fn the_laboratorys_real_exports_are_read() {
-    let Some(folder) = real_bluehill() else {
-        println!("skipped: ../shared/data/bluehill is not there");
-        return;
-    };
+    let Some(folder) = shared_data("bluehill") else { return };
     // The largest force of the file, and the most rows of the first loading.
     for (name, most_n, rows) in [
         ("cyclic_compression_gbk_header.csv", None, 24_676),

@@ -1,7 +1,7 @@
 //! What is read off a laboratory's record, on records of many kinds whose truth is known.
 
+use crate::skip::shared_data;
 use grainrig_core::contact::experiment::{Compliance, Experiment, LoadingEnd, Reading, read};
-use std::path::Path;
 
 /// Where 2 N are passed, µm after contact.
 const TRUE_UM: f64 = 16.0;
@@ -162,15 +162,12 @@ fn a_record_that_begins_in_contact_or_in_which_the_grain_breaks_says_so() {
 
 #[test]
 fn the_papers_grains_are_read_as_the_paper_reads_them() {
-    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/bluehill"));
     // δ_i, the largest force, and how far δ_i may be off, µm.
     for (name, um, largest_n) in
         [("synthetic_lbs1_to_50N.csv", 16.0, 52.4), ("synthetic_lbs3_rotating.csv", 86.7, 11.0)]
     {
-        let Ok(bytes) = std::fs::read(folder.join(name)) else {
-            println!("skipped: {name} is not there");
-            continue;
-        };
+        let Some(path) = shared_data(&format!("bluehill/{name}")) else { continue };
+        let bytes = std::fs::read(path).unwrap();
         let r = read_off(&read(&bytes).unwrap());
         println!("{name}: {r:?}");
         assert!((1e3 * r.delta_i_mm.unwrap() - um).abs() < 1.0, "{r:?}");

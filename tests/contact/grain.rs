@@ -1,5 +1,6 @@
 //! A real grain, elastic and plastic, between plates.
 
+use crate::skip::shared_data;
 use crate::sphere::long;
 use grainrig_core::contact::QUASI_STATIC;
 use serde_json::Value;
@@ -12,11 +13,7 @@ const LONGEST_MM: f64 = 1.0;
 
 /// Binary STL of a real grain, scaled.
 pub fn grain() -> Option<Vec<u8>> {
-    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/grains/sand_ma107_00107.stl"));
-    let Ok(bytes) = std::fs::read(path) else {
-        println!("skipped: {} is not there", path.display());
-        return None;
-    };
+    let bytes = std::fs::read(shared_data("grains/sand_ma107_00107.stl")?).unwrap();
     let mut surface = grainrig_core::formats::stl::read(&bytes).unwrap();
     let size = surface.bounds().unwrap().size();
     let by = LONGEST_MM / size.x.max(size.y).max(size.z);

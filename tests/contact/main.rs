@@ -10,5 +10,7 @@ mod grain;
 mod killed;
 mod plastic;
 mod press;
+#[path = "../support/skip.rs"]
+mod skip;
 mod sphere;
 mod told;

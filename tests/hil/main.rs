@@ -4,15 +4,17 @@
 
 #![cfg(all(feature = "gphoto2", feature = "v4l"))]
 
-#[path = "../board/mod.rs"]
+#[path = "../support/board/mod.rs"]
 mod board;
 #[path = "../rigs/grain.rs"]
 mod grain;
 mod guest;
-#[path = "../kit/mod.rs"]
+#[path = "../support/kit/mod.rs"]
 mod kit;
-#[path = "../ptp_camera/mod.rs"]
+#[path = "../support/ptp_camera/mod.rs"]
 mod ptp_camera;
+#[path = "../support/skip.rs"]
+mod skip;
 
 use board::Board;
 use grain::{Exposed, Grain, figure};
@@ -71,6 +73,7 @@ impl Rig {
     /// `None`, with the reason on the screen, where there is no guest, or the chip's tools are not there.
     fn new() -> Option<Self> {
         let Some(folder) = std::env::var_os("GRAINRIG_HIL").map(PathBuf::from) else {
+            // Not for `GRAINRIG_REQUIRE`: it is `make test-hil` that prepares the guest, and runs this.
             println!("skipped: GRAINRIG_HIL names no folder with a guest; run `make test-hil`");
             return None;
         };

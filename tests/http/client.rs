@@ -1,6 +1,7 @@
 //! The interface as a stranger's program has it: `examples/client.py`, made from the description, and the description held
 //! against what the daemon really answers.
 
+use crate::skip::{Lacking, skip};
 use std::process::Command;
 
 use crate::daemon::{Lab, SMALL, files};
@@ -62,8 +63,7 @@ fn misfit(document: &Value, schema: &Value, value: &Value) -> Option<String> {
 #[test]
 fn a_client_made_from_the_description_captures_downloads_and_compresses() {
     if Command::new("python3").arg("--version").output().is_err() {
-        println!("skipped: there is no python3");
-        return;
+        return skip(Lacking::System, "there is no python3");
     }
     let lab = Lab::new(SMALL);
     let daemon = lab.serve();

@@ -1,6 +1,7 @@
 //! A session that was damaged, or forged, in hundreds of ways: nothing of it is shown as recorded that is not, nothing
 //! outside it is shown at all, nothing waits for ever, and nobody calls it whole.
 
+use crate::random::Random;
 use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::fs::symlink;
@@ -12,19 +13,6 @@ use crate::daemon::{Daemon, Lab, SMALL, files};
 /// Mutations unless `GRAINRIG_MUTATIONS` says otherwise.
 const MUTATIONS: u64 = 17;
 const KINDS: u64 = 17;
-
-/// Numbers that are the same each time (splitmix64).
-struct Dice(u64);
-
-impl Dice {
-    fn below(&mut self, n: usize) -> usize {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) % n as u64) as usize
-    }
-}
 
 fn copy(from: &Path, to: &Path) {
     for (path, bytes) in files(from) {
@@ -39,7 +27,7 @@ fn pipe(at: &Path) {
 }
 
 /// Damages one thing; what it was, and whether it may look like a run that was killed before its end.
-fn damage(kind: u64, dice: &mut Dice, folder: &Path, outside: &Path) -> (String, bool) {
+fn damage(kind: u64, dice: &mut Random, folder: &Path, outside: &Path) -> (String, bool) {
     let mut all: Vec<PathBuf> = files(folder).into_iter().map(|(path, _)| path).collect();
     all.retain(|path| !path.ends_with("lock"));
     let file = all[dice.below(all.len())].clone();
@@ -190,7 +178,7 @@ fn no_damaged_session_is_shown_as_recorded_or_called_whole() {
     let (status, _) = daemon.get_bytes("/sessions/quartz/products/grain.inp");
     assert_eq!(status, 200);
     let mutations = std::env::var("GRAINRIG_MUTATIONS").map_or(MUTATIONS, |n| n.parse().unwrap());
-    let mut dice = Dice(15);
+    let mut dice = Random::new(15);
     for n in 0..mutations {
         let id = format!("m{n}");
         let folder = lab.data().join(&id);

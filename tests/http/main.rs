@@ -7,7 +7,12 @@ mod daemon;
 mod damage;
 mod ending;
 mod hostile;
+mod jobs;
+#[path = "../support/random.rs"]
+mod random;
 mod resuming;
 mod runs;
-#[path = "../sse/mod.rs"]
+#[path = "../support/skip.rs"]
+mod skip;
+#[path = "../support/sse/mod.rs"]
 mod sse;

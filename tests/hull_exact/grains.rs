@@ -3,22 +3,22 @@
 //! `GRAINRIG_ALL=1 cargo test --release --test hull_exact real -- --nocapture` gives each grain all numbers of views;
 //! else each grain and pose takes its turn with one of them.
 
+use crate::skip::shared_data;
 use grainrig_core::formats::stl;
 use grainrig_core::geometry::{Point, TriangleMesh};
 use grainrig_core::hull::slices::{Ladder, SlicedHull, Strips};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Voxels along the longest edge, and rows of the slices: different, so that nothing coincides.
 const VOXELS: f64 = 512.0;
 const ROWS: f64 = 640.0;
 
 fn grains() -> Vec<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/grains");
-    let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
-    let mut files: Vec<PathBuf> = (entries.map(|e| e.unwrap().path()))
+    let Some(folder) = shared_data("grains") else { return Vec::new() };
+    let mut files: Vec<PathBuf> = (std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()))
         .filter(|p| p.extension().is_some_and(|e| e == "stl") && !p.to_string_lossy().contains("analytic"))
         // The same shape as lsdem_sand, in smaller triangles.
         .filter(|p| !p.ends_with("lsdem_sand_finer.stl"))
@@ -119,7 +119,6 @@ fn brute_force(mesh: &TriangleMesh, sets: &[Vec<f64>], pitch: f64) -> Vec<f64> {
 fn real_grains_have_the_volume_of_their_voxels() {
     let files = grains();
     if files.is_empty() {
-        println!("skipped: no grains beside the checkout");
         return;
     }
     // In strides, so that few views leave little to the rest; none of the counts has the factor 7.

@@ -2,6 +2,8 @@
 
 mod grains;
 mod properties;
+#[path = "../support/skip.rs"]
+mod skip;
 
 use grainrig_core::calibrate::Turntable;
 use grainrig_core::geometry::Angle;

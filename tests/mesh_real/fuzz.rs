@@ -4,27 +4,13 @@
 //! with other ones each time `GRAINRIG_FUZZ_SEED` is another.
 
 use super::{assert_sound, default_controls};
+use crate::random::Random;
 use grainrig_core::geometry::{ImplicitBody, Point, TriangleMesh, Vector};
 use grainrig_core::mesh::{Controls, MeshError, Solid, Voxels, mesh};
 use std::time::{Duration, Instant};
 
 /// How many of each kind where no time is given.
 const CASES: u64 = 12;
-
-/// Numbers without order (xorshift*, Vigna 2016), from 0 to 1.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> f64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        (self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 11) as f64 / (1u64 << 53) as f64
-    }
-    fn below(&mut self, n: usize) -> usize {
-        ((self.next() * n as f64) as usize).min(n - 1)
-    }
-}
 
 /// An octahedron divided a few times, its vertices moved in and out at random, and flattened: spiky, thin, but star-shaped.
 fn surface(random: &mut Random) -> TriangleMesh {
@@ -55,7 +41,7 @@ fn surface(random: &mut Random) -> TriangleMesh {
     let rough = [0.0, 0.2, 0.8, 1.6][random.below(4)];
     let flat = [1.0, 1.0, 0.3, 0.02][random.below(4)];
     for p in &mut vertices {
-        p.coords *= 1.0 + rough * (random.next() - 0.5);
+        p.coords *= 1.0 + rough * (random.unit() - 0.5);
         p.z *= flat;
     }
     TriangleMesh { vertices, triangles }
@@ -65,15 +51,15 @@ fn surface(random: &mut Random) -> TriangleMesh {
 fn voxels(random: &mut Random) -> Voxels {
     let size = [0; 3].map(|_| 1 + random.below(14));
     let balls: Vec<([f64; 3], f64)> = (0..=random.below(5))
-        .map(|_| (size.map(|n| random.next() * n as f64), random.next() * 6.0))
+        .map(|_| (size.map(|n| random.unit() * n as f64), random.unit() * 6.0))
         .collect();
-    let part = if random.below(3) == 0 { random.next() } else { 0.0 };
+    let part = if random.below(3) == 0 { random.unit() } else { 0.0 };
     let inside: Vec<bool> = (0..size.iter().product())
         .map(|i: usize| {
             let at = [i % size[0], i / size[0] % size[1], i / size[0] / size[1]].map(|x| x as f64);
             let within =
                 |(c, r): &([f64; 3], f64)| (0..3).map(|k| (at[k] - c[k]).powi(2)).sum::<f64>() < r * r;
-            balls.iter().any(within) || random.next() < part
+            balls.iter().any(within) || random.unit() < part
         })
         .collect();
     Voxels::new(Point::origin(), 0.1, size, &inside).unwrap()
@@ -83,10 +69,10 @@ fn voxels(random: &mut Random) -> Voxels {
 fn try_one(random: &mut Random, body: &dyn ImplicitBody, name: &str) -> bool {
     let size: Vector = body.bounds().size();
     let volume = std::f64::consts::FRAC_PI_6 * size.product();
-    let mut controls = default_controls(volume, 1.5 + 6.0 * random.next());
+    let mut controls = default_controls(volume, 1.5 + 6.0 * random.unit());
     controls.facet_angle_deg = [5.0, 15.0, 25.0][random.below(3)];
     if random.below(4) == 0 {
-        controls.size_at_contact_mm = Some(controls.surface_size_mm * (0.2 + 0.8 * random.next()));
+        controls.size_at_contact_mm = Some(controls.surface_size_mm * (0.2 + 0.8 * random.unit()));
     }
     if random.below(4) == 0 {
         controls.tet_volume_mm3 *= 10.0;
@@ -112,7 +98,7 @@ fn random_surfaces_and_blobs_become_meshes_or_errors() {
         if limit.map_or(case >= CASES, |limit| start.elapsed() > limit) {
             break;
         }
-        let mut random = Random((seed << 32 | case).wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
+        let mut random = Random::new(seed << 32 | case);
         let name = format!("seed {seed}, case {case}");
         match Solid::turned_outwards(surface(&mut random)) {
             // A surface that cuts itself is meshed too: whatever comes of it must be a mesh.

@@ -1,21 +1,16 @@
 //! Grains measured by X-ray tomography, and closed forms, from STL files.
 
 use super::{assert_good, assert_sound, default_controls, on_threads};
+use crate::skip::shared_data;
 use grainrig_core::formats::{inp, stl};
 use grainrig_core::geometry::Point;
 use grainrig_core::mesh::{Controls, Distances, Solid, mesh};
 use std::path::PathBuf;
 
-/// The folder of real grains, which not every checkout has.
-pub const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/grains");
-
 /// The STL files, in the order of their names.
 pub fn files() -> Vec<PathBuf> {
-    let Ok(folder) = std::fs::read_dir(FOLDER) else {
-        println!("skipped: no grains in {FOLDER}");
-        return Vec::new();
-    };
-    let mut files: Vec<PathBuf> = folder.map(|f| f.unwrap().path()).collect();
+    let Some(folder) = shared_data("grains") else { return Vec::new() };
+    let mut files: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|f| f.unwrap().path()).collect();
     files.retain(|f| f.extension().is_some_and(|e| e == "stl"));
     files.sort();
     files

@@ -5,6 +5,10 @@ mod fuzz;
 mod graded;
 mod grains;
 mod hulls;
+#[path = "../support/random.rs"]
+mod random;
+#[path = "../support/skip.rs"]
+mod skip;
 
 use grainrig_core::mesh::{Controls, Quality, TetMesh};
 

@@ -4,7 +4,7 @@ mod events;
 mod hostile;
 mod openapi;
 mod rig;
-#[path = "../sse/mod.rs"]
+#[path = "../support/sse/mod.rs"]
 mod sse;
 
 use grainrig::server::{KEPT_EVENTS, ServeOptions};
@@ -187,8 +187,11 @@ fn the_description_has_every_route_and_no_loose_end() {
     for (path, item) in document["paths"].as_object().unwrap() {
         for method in item.as_object().unwrap().keys() {
             described.push(format!("{method} {path}"));
-            let path =
-                path.replace("{id}", "quartz").replace("{file}", "0000.jpg").replace("{name}", "elastic");
+            let path = path
+                .replace("{id}", "quartz")
+                .replace("{file}", "0000.jpg")
+                .replace("{name}", "elastic")
+                .replace("{job}", "1");
             if method == "post" {
                 assert_ne!(post(&server, &path, &json!({ "name": "a" })).status(), 405, "{path}");
             } else if !path.ends_with("/events") {
@@ -200,6 +203,7 @@ fn the_description_has_every_route_and_no_loose_end() {
     let expected = [
         "get /api/v1/devices",
         "get /api/v1/events",
+        "get /api/v1/jobs",
         "get /api/v1/openapi.json",
         "get /api/v1/sessions",
         "get /api/v1/sessions/{id}",
@@ -213,6 +217,8 @@ fn the_description_has_every_route_and_no_loose_end() {
         "get /api/v1/status",
         "post /api/v1/compressions/current/cancel",
         "post /api/v1/doctor",
+        "post /api/v1/jobs",
+        "post /api/v1/jobs/{job}/cancel",
         "post /api/v1/runs",
         "post /api/v1/runs/current/abort",
         "post /api/v1/runs/current/pause",
@@ -223,8 +229,11 @@ fn the_description_has_every_route_and_no_loose_end() {
     ];
     assert_eq!(described, expected);
     // And no route is left out of it: those of the router, as its source has them.
-    let sources =
-        [include_str!("../../src/server/routes.rs"), include_str!("../../src/server/compressing.rs")];
+    let sources = [
+        include_str!("../../src/server/routes.rs"),
+        include_str!("../../src/server/compressing.rs"),
+        include_str!("../../src/server/jobs.rs"),
+    ];
     let routed: usize = sources.iter().map(|source| source.split(".route(\"").skip(1).count()).sum();
     assert_eq!(routed, described.len(), "a route is not described");
     let text = document.to_string();

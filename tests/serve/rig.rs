@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use grainrig::daemon::CompressRequest;
+use grainrig::daemon::{CompressRequest, ComputeRequest};
 use grainrig::server::{
     CompressionStarted, Compressions, Content, Download, EventFeed, KEPT_EVENTS, Refusal, RefusalKind, Rig,
     RunRequest, RunStarted, RunState, ServeOptions, serve,
@@ -103,6 +103,14 @@ impl Rig for FakeRig {
 
     fn resume(&self) -> Result<(), Refusal> {
         self.change(RunState::Paused, Happening::Resumed)
+    }
+
+    fn compute(&self, _: ComputeRequest) -> Result<u64, Refusal> {
+        Ok(1)
+    }
+
+    fn cancel_job(&self, job: u64) -> Result<(), Refusal> {
+        Err(Refusal::new(RefusalKind::NotFound, format!("there is no computation {job}")))
     }
 
     fn resume_session(&self, id: &str) -> Result<RunStarted, Refusal> {

@@ -1,34 +1,26 @@
 //! The stage on a serial line: the real driver against the real firmware on a simulated chip. Wherever an angle is asserted, it is
 //! the one that the pins reached.
 
-#[path = "../board/mod.rs"]
+#[path = "../support/board/mod.rs"]
 mod board;
 mod conformance;
 mod grbl;
-#[path = "../kit/mod.rs"]
+#[path = "../support/kit/mod.rs"]
 mod kit;
 mod protocol;
+#[path = "../support/random.rs"]
+mod random;
 mod run;
+#[path = "../support/skip.rs"]
+mod skip;
 
 use board::Board;
 use grainrig::rig::controller::{ControllerStage, Reference, Settings, open};
 use grainrig::rig::{RigError, RotationStage, Shutter as _};
 use grainrig_core::geometry::Angle;
+use random::Random;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
-
-/// Numbers that follow from a seed (splitmix64).
-struct Draw(u64);
-
-impl Draw {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-}
 
 /// The board resets only when it is told to, so nobody waits for its banner; it turns fast.
 fn settings(board: &Board) -> Settings {
@@ -130,10 +122,10 @@ fn noise_on_the_line_costs_time_and_no_step() {
     let mut stage = open(&quick).unwrap();
     stage.home().unwrap();
     board.tell("noise 0.01 7");
-    let mut draw = Draw(11);
+    let mut draw = Random::new(11);
     let mut given_up = 0;
     for k in 0..moves {
-        let target = (draw.next() % 3200) as i64;
+        let target = (draw.bits() % 3200) as i64;
         // Mostly short ways: it is the talking that is tried.
         let target = if k % 20 == 0 { target } else { (board.position() + target % 65 - 32).clamp(0, 3200) };
         let reached = loop {

@@ -1,7 +1,9 @@
 //! What the firmware does with frames, and with what is none: said on the raw line.
 
 use super::board::{Board, firmware, frame_reader};
-use super::{Draw, settings};
+use super::settings;
+use crate::random::Random;
+use crate::skip::{Lacking, skip};
 use grainrig::rig::RotationStage as _;
 use grainrig::rig::controller::{Reader, Said, Settings, open, request};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
@@ -108,18 +110,18 @@ fn garbage_overlong_lines_and_half_frames_never_move_the_motor() {
     assert_eq!(raw.ask(1, "C 1600 8000 400 -3300 3300 0 0"), "ok");
     assert_eq!(raw.ask(2, "Z"), "ok");
     let good = request(9, "M 640");
-    let mut draw = Draw(5);
+    let mut draw = Random::new(5);
     let mut sent = 0;
     for k in 0..400 {
         let mut bytes = match k % 4 {
-            0 => (0..draw.next() % 40).map(|_| draw.next() as u8).collect(),
-            1 => good[..good.len() - 1 - (draw.next() as usize % 6)].to_vec(),
+            0 => (0..draw.bits() % 40).map(|_| draw.bits() as u8).collect(),
+            1 => good[..good.len() - 1 - (draw.bits() as usize % 6)].to_vec(),
             2 => [b":09 M 640 ".as_slice(), &[b'7'; 80], b"\n"].concat(),
             _ => good.clone(),
         };
         if k % 4 == 3 {
-            let at = 1 + draw.next() as usize % (bytes.len() - 2);
-            bytes[at] ^= 1 << (draw.next() % 7);
+            let at = 1 + draw.bits() as usize % (bytes.len() - 2);
+            bytes[at] ^= 1 << (draw.bits() % 7);
         }
         raw.send(&bytes);
         sent += bytes.len();
@@ -143,7 +145,7 @@ const MOST_ROUNDS: u64 = 500_000;
 fn the_firmwares_reader_and_the_drivers_agree_on_any_bytes() {
     let reader = match frame_reader() {
         Ok(reader) => reader,
-        Err(why) => return println!("skipped: {why}"),
+        Err(why) => return skip(Lacking::Tools, why),
     };
     let rounds = std::env::var("GRAINRIG_FUZZ_ROUNDS").map_or(1, |n| n.parse().unwrap());
     assert!(rounds <= MOST_ROUNDS, "{rounds} rounds are asked for, {MOST_ROUNDS} are the most");
@@ -153,18 +155,18 @@ fn the_firmwares_reader_and_the_drivers_agree_on_any_bytes() {
 
 /// One round; what both sides found.
 fn agree(reader: &Path, seed: u64) -> usize {
-    let mut draw = Draw(seed);
+    let mut draw = Random::new(seed);
     let mut bytes = Vec::new();
     for _ in 0..FRAMES {
         let body: String =
-            (0..draw.next() % 60).map(|_| char::from(b'0' + (draw.next() % 10) as u8)).collect();
-        let mut one = request(draw.next() as u8, &body);
-        for _ in 0..draw.next() % 3 {
-            let at = draw.next() as usize % one.len();
-            match draw.next() % 3 {
-                0 => one[at] ^= 1 << (draw.next() % 8),
+            (0..draw.bits() % 60).map(|_| char::from(b'0' + (draw.bits() % 10) as u8)).collect();
+        let mut one = request(draw.bits() as u8, &body);
+        for _ in 0..draw.bits() % 3 {
+            let at = draw.bits() as usize % one.len();
+            match draw.bits() % 3 {
+                0 => one[at] ^= 1 << (draw.bits() % 8),
                 1 => drop(one.remove(at)),
-                _ => one.insert(at, draw.next() as u8),
+                _ => one.insert(at, draw.bits() as u8),
             }
         }
         // What is a mark to one side alone is left out.
@@ -242,7 +244,7 @@ fn a_host_that_falls_silent_lets_the_motor_go() {
 fn the_firmware_leaves_room_on_the_chip() {
     let firmware = match firmware() {
         Ok(firmware) => firmware,
-        Err(why) => return println!("skipped: {why}"),
+        Err(why) => return skip(Lacking::Tools, why),
     };
     let said = Command::new("avr-size").arg("-A").arg(firmware).output().unwrap();
     let text = String::from_utf8(said.stdout).unwrap();

@@ -3,11 +3,13 @@
 //
 // GRAINRIG_BIN     the binary (without it such tests are skipped)
 // CHROMIUM         the browser; without it the one that playwright has installed
+// GRAINRIG_REQUIRE what may not be lacking: `tools` or `all` make a skipped test a failure
+// GRAINRIG_SKIPPED the file to which skipped tests are added
 // SCREENSHOT_DIR   where pictures of the page go, if anywhere
 
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
-import { existsSync } from "node:fs";
+import { appendFileSync, existsSync } from "node:fs";
 import { mkdtemp, rm } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
@@ -16,12 +18,23 @@ import { createInterface } from "node:readline";
 const chromium = await import("playwright-core").then((module) => module.chromium, () => null);
 const executablePath = process.env.CHROMIUM || chromium?.executablePath();
 
-/** What is missing for a test in a browser; false where nothing is. */
+/** What is lacking for a test in a browser; undefined where nothing is. */
+function lacking() {
+  if (!process.env.GRAINRIG_BIN) return "GRAINRIG_BIN names no program";
+  if (!chromium) return "playwright-core is not installed (npm ci)";
+  if (!executablePath || !existsSync(executablePath)) return "no browser is installed (make tools)";
+  return undefined;
+}
+
+/** Why a test in a browser is skipped; false where it is not. Throws where `GRAINRIG_REQUIRE` asks for what is lacking. */
 export function missing() {
-  if (!process.env.GRAINRIG_BIN) return "skipped: GRAINRIG_BIN names no program";
-  if (!chromium) return "skipped: playwright-core is not installed (npm ci)";
-  if (!executablePath || !existsSync(executablePath)) return "skipped: no browser is installed (make tools)";
-  return false;
+  const why = lacking();
+  if (why === undefined) return false;
+  const list = process.env.GRAINRIG_SKIPPED;
+  if (list) appendFileSync(list, `page, tests in a browser: ${why} (tools)\n`);
+  const required = (process.env.GRAINRIG_REQUIRE ?? "").split(",");
+  if (required.includes("tools") || required.includes("all")) throw new Error(`a test in a browser would be skipped: ${why}`);
+  return `skipped: ${why}`;
 }
 
 const FLAGS = [

@@ -1,28 +1,26 @@
-//! One compression at a time, begun by one client and watched by all, beside whatever the rig does.
+//! Compressions in the background, begun by one client and watched by all.
 //!
 //! ```text
-//!  start, resume ─▶ claim, DATA/.compression.json ─▶ a thread, waiting for a pool of its own, at the lowest priority
+//!  start, resume ─▶ claim ─▶ queue of the background ─▶ DATA/.compression.json, computed
 //!  complete, cancelled, failed ─▶ the file is removed       the program ends, however it does ─▶ it stays: go_on
 //! ```
-//! The pool keeps a capture's work from queueing behind a compression's, and its threads' priority leaves a capture every
-//! core that it wants; the curve does not depend on either.
 
 use super::asked::{asked, is_finished};
-use super::job::{Flags, Pointer, Run, Work};
+use super::job::{Pointer, Run, Work};
 use super::news::News;
-use super::shelf::{details, list, open};
+use super::shelf::{Active, details, list, open};
 use super::{
     Claim, CompressDetails, CompressInput, CompressLine, CompressMaterial, CompressRequest, DaemonError, RUN,
 };
-use crate::daemon::Watcher;
+use crate::daemon::background::{About, Background};
+use crate::daemon::{BackgroundError, Watcher};
+use crate::session::event::JobKind;
 use crate::session::{Recording, SessionError, State, Store, check_name, hold};
 use grainrig_core::formats::stl;
 use std::fs::File;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// So often a compression is taken up again that never came to its first sample: it may be what ended the program.
 const MOST_TRIES: u32 = 3;
@@ -32,14 +30,6 @@ const SURFACE: &str = "grain.stl";
 /// Why a compression was not done as asked.
 #[derive(Debug, thiserror::Error)]
 pub enum CompressError {
-    /// Another one goes on.
-    #[error("compression {name} of session {session} goes on; wait for its end, or cancel it")]
-    Busy {
-        /// Name of its session.
-        session: String,
-        /// Its name.
-        name: String,
-    },
     /// There is nothing to do it with.
     #[error("{0}")]
     NotNow(&'static str),
@@ -65,53 +55,40 @@ impl From<SessionError> for CompressError {
     }
 }
 
-/// Computes one compression at a time.
+/// Computes compressions in the background, and knows those that are there.
 pub struct CompressHost {
     store: Store,
     watcher: Watcher,
-    job: Mutex<Option<Job>>,
-    /// The program ends: none begins any more.
-    closed: AtomicBool,
-}
-
-struct Job {
-    session: String,
-    name: String,
-    flags: Arc<Flags>,
-    /// Nothing is ever sent: it hangs up when the thread has let go of everything.
-    thread: Receiver<()>,
+    background: Arc<Background>,
 }
 
 impl CompressHost {
     /// A host of the compressions in a data folder; `watcher` is told of each one's news.
-    pub fn new(data: &Path, watcher: Watcher) -> Self {
-        Self { store: Store::new(data), watcher, job: Mutex::new(None), closed: AtomicBool::new(false) }
+    pub fn new(data: &Path, background: Arc<Background>, watcher: Watcher) -> Self {
+        Self { store: Store::new(data), watcher, background }
     }
 
-    /// Begins to compress a complete session's grain; the compression's name: its material, with a number where there is one
-    /// already.
+    /// Compresses a complete session's grain, once the computations before it have ended; the compression's name: its material,
+    /// with a number where there is one already.
     ///
     /// # Errors
-    /// [`CompressError`] while another one goes on, for figures that make no sense, and for a session without a finished grain.
+    /// [`CompressError`] where too many computations wait, for figures that make no sense, and for a session without a finished
+    /// grain.
     pub fn start(&self, session: &str, request: &CompressRequest) -> Result<String, CompressError> {
-        let mut job = self.free()?;
         let settings = request.settings().map_err(DaemonError::from)?;
         let recording = self.store.read(session)?;
         let input = grain(&recording, session)?;
         let (name, folder) = next_name(&recording, request.material)?;
         let claim = Claim::new(&folder, input, &request.placing(), settings)?;
-        self.begin(
-            &mut job,
-            Pointer { session: session.into(), name: name.clone(), tries: 1 },
-            Work::New(Box::new(claim)),
-        )?;
+        let pointer = Pointer { session: session.into(), name: name.clone(), tries: 1 };
+        self.begin(pointer, Work::New(Box::new(claim)))?;
         Ok(name)
     }
 
-    /// Goes on with a compression that was cancelled or interrupted.
+    /// Goes on with a compression that was cancelled or interrupted, once the computations before it have ended.
     ///
     /// # Errors
-    /// [`CompressError`] while another one goes on, where there is none of that name, or it is complete.
+    /// [`CompressError`] where it goes on or waits already, where there is none of that name, or it is complete.
     pub fn resume(&self, session: &str, name: &str) -> Result<(), CompressError> {
         self.take_up(Pointer { session: session.into(), name: name.into(), tries: 1 })
     }
@@ -147,12 +124,13 @@ impl CompressHost {
     /// # Errors
     /// [`CompressError::NotNow`] where there is none.
     pub fn cancel(&self) -> Result<(), CompressError> {
-        let job = self.lock();
-        let running = job.as_ref().filter(|j| !j.flags.told.load(Ordering::Acquire));
+        let running = self.background.running(|about| about.kind == JobKind::Compress);
         let running = running.ok_or(CompressError::NotNow("there is no compression; start one first"))?;
-        running.flags.cancelled.store(true, Ordering::Release);
-        running.flags.stop.store(true, Ordering::Release);
-        Ok(())
+        match self.background.cancel(running) {
+            // It has just ended by itself.
+            Ok(()) | Err(BackgroundError::Absent) => Ok(()),
+            Err(error) => Err(DaemonError::from(error).into()),
+        }
     }
 
     /// The compressions of a session.
@@ -160,7 +138,7 @@ impl CompressHost {
     /// # Errors
     /// [`CompressError::Daemon`] where there is no such session.
     pub fn list(&self, session: &str) -> Result<Vec<CompressLine>, CompressError> {
-        Ok(list(&self.store.read(session)?, self.running(session).as_deref()))
+        Ok(list(&self.store.read(session)?, &|name| self.active(session, name)))
     }
 
     /// One compression, with its results as far as they are there.
@@ -168,7 +146,7 @@ impl CompressHost {
     /// # Errors
     /// [`CompressError::Absent`] where there is none of that name.
     pub fn details(&self, session: &str, name: &str) -> Result<CompressDetails, CompressError> {
-        details(&self.store.read(session)?, name, self.running(session).as_deref())
+        details(&self.store.read(session)?, name, &|name| self.active(session, name))
     }
 
     /// Opens one of the files that [`Self::details`] lists.
@@ -179,46 +157,16 @@ impl CompressHost {
         open(&self.store.read(session)?, name, file)
     }
 
-    /// Stops the compression, if there is one, because the program ends, and waits for a checkpoint, `limit` at most; whether
-    /// it came. The next program goes on with it either way.
-    pub fn finish(&self, limit: Duration) -> bool {
-        self.closed.store(true, Ordering::Release);
-        let Some(running) = self.lock().take() else { return true };
-        running.flags.stop.store(true, Ordering::Release);
-        running.thread.recv_timeout(limit) != Err(RecvTimeoutError::Timeout)
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Option<Job>> {
-        self.job.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// The name of the session's compression that is being computed.
-    fn running(&self, session: &str) -> Option<String> {
-        let job = self.lock();
-        let running = job.as_ref().filter(|j| j.session == session && !j.flags.told.load(Ordering::Acquire));
-        running.map(|j| j.name.clone())
-    }
-
-    /// The right to begin one.
-    fn free(&self) -> Result<MutexGuard<'_, Option<Job>>, CompressError> {
-        let mut job = self.lock();
-        if self.closed.load(Ordering::Acquire) {
-            return Err(CompressError::NotNow("the program is ending; start it again, then the compression"));
+    /// Whether a compression is being computed or waits for that.
+    fn active(&self, session: &str, name: &str) -> Option<Active> {
+        let is_it = |about: &About| about.is_compression(session, name);
+        if self.background.running(is_it).is_some() {
+            return Some(Active::Running);
         }
-        if let Some(before) = job.as_ref() {
-            if !before.flags.told.load(Ordering::Acquire) {
-                let (session, name) = (before.session.clone(), before.name.clone());
-                return Err(CompressError::Busy { session, name });
-            }
-            // Who saw the end may begin the next at once; the folder is free in a moment.
-            let _ = before.thread.recv();
-        }
-        *job = None;
-        Ok(job)
+        self.background.waits(is_it).then_some(Active::Waiting)
     }
 
     fn take_up(&self, pointer: Pointer) -> Result<(), CompressError> {
-        let mut job = self.free()?;
         let recording = self.store.read(&pointer.session)?;
         let folder = recording.compression_path(&pointer.name)?;
         let before = asked(&folder).ok_or(CompressError::Absent)?;
@@ -232,28 +180,20 @@ impl CompressHost {
             let input = grain(&recording, &pointer.session)?;
             Work::New(Box::new(Claim::new(&folder, input, &before.placing, before.settings)?))
         };
-        self.begin(&mut job, pointer, work)
+        self.begin(pointer, work)
     }
 
-    fn begin(&self, job: &mut Option<Job>, pointer: Pointer, work: Work) -> Result<(), CompressError> {
+    fn begin(&self, pointer: Pointer, work: Work) -> Result<(), CompressError> {
         let (session, name) = (pointer.session.clone(), pointer.name.clone());
-        pointer.write(self.store.data())?;
-        let flags = Arc::new(Flags::default());
-        let (hang_up, thread) = channel();
+        let stop = Arc::new(AtomicBool::new(false));
         let run = Run {
             news: News::new(&session, &name, Arc::clone(&self.watcher)),
-            flags: Arc::clone(&flags),
+            stop: Arc::clone(&stop),
             data: self.store.data().to_owned(),
             pointer,
         };
-        let spawned = std::thread::Builder::new()
-            .name("compression".into())
-            .spawn(move || run.carry_out(work, hang_up));
-        if let Err(source) = spawned {
-            Pointer::forget(self.store.data());
-            return Err(DaemonError::Thread { source }.into());
-        }
-        *job = Some(Job { session, name, flags, thread });
+        let about = About { kind: JobKind::Compress, session, name: Some(name), stop: Some(stop) };
+        self.background.queue(about, move |stopped, _| run.carry_out(work, stopped))?;
         Ok(())
     }
 }

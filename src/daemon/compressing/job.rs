@@ -2,19 +2,17 @@
 
 use super::news::News;
 use super::{Claim, Compression, DaemonError, TEXT_LIMIT};
+use crate::daemon::background::{End, Stopped};
+use crate::daemon::ended;
 use crate::session::event::CompressionState;
 use crate::session::{Held, read_inside, write_whole};
 use serde::{Deserialize, Serialize};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::Sender;
+use std::sync::atomic::AtomicBool;
 
 /// The file in the data folder that names the compression being computed.
 const POINTER: &str = ".compression.json";
-/// The lowest priority: a thread of the usual one has 68 times its share of a core.
-const NICE: i32 = 19;
 
 /// What is being computed, as the data folder remembers it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -45,14 +43,6 @@ impl Pointer {
     }
 }
 
-#[derive(Default)]
-pub(super) struct Flags {
-    pub stop: AtomicBool,
-    pub cancelled: AtomicBool,
-    /// The watchers were told of the end.
-    pub told: AtomicBool,
-}
-
 /// What the thread is to compute.
 pub(super) enum Work {
     New(Box<Claim>),
@@ -62,48 +52,35 @@ pub(super) enum Work {
 /// What the thread needs besides the work.
 pub(super) struct Run {
     pub news: News,
-    pub flags: Arc<Flags>,
+    /// Set where it is to stop.
+    pub stop: Arc<AtomicBool>,
     pub data: PathBuf,
     pub pointer: Pointer,
 }
 
 impl Run {
     /// Computes, and makes sure that the watchers are told of an end, whatever it is.
-    pub(super) fn carry_out(mut self, work: Work, hang_up: Sender<()>) {
-        let ended = catch_unwind(AssertUnwindSafe(|| {
-            let source =
-                |e: rayon::ThreadPoolBuildError| DaemonError::Thread { source: std::io::Error::other(e) };
-            let pool = rayon::ThreadPoolBuilder::new()
-                .thread_name(|n| format!("compress-{n}"))
-                .start_handler(|_| step_back())
-                .build()
-                .map_err(source)?;
-            pool.install(|| self.compute(work))
-        }));
-        let (state, error) = match ended {
-            Ok(Ok(true)) => (CompressionState::Complete, None),
-            Ok(Ok(false)) if self.flags.cancelled.load(Ordering::Acquire) => {
-                (CompressionState::Cancelled, None)
-            }
-            Ok(Ok(false)) => (CompressionState::Interrupted, None),
-            Ok(Err(error)) => (CompressionState::Failed, Some(error.to_string())),
-            Err(_) => (
-                CompressionState::Failed,
-                Some(
-                    "the compression ended by a defect of the program: please report it with the log".into(),
-                ),
-            ),
+    pub(super) fn carry_out(mut self, work: Work, stopped: &Stopped) -> Result<End, String> {
+        let begun = self.pointer.write(&self.data);
+        let defect = "the compression ended by a defect of the program: please report it with the log";
+        let done = ended(defect, || begun.and_then(|()| self.compute(work)));
+        let (state, error) = match done {
+            Ok(true) => (CompressionState::Complete, None),
+            Ok(false) if stopped.by_somebody() => (CompressionState::Cancelled, None),
+            Ok(false) => (CompressionState::Interrupted, None),
+            Err(error) => (CompressionState::Failed, Some(error)),
         };
-        if let Some(error) = &error {
-            tracing::warn!("{error}");
-        }
         if state != CompressionState::Interrupted {
             Pointer::forget(&self.data);
         }
         // First, so that whoever is told may begin the next.
-        self.flags.told.store(true, Ordering::Release);
-        self.news.ended(state, error);
-        drop(hang_up);
+        stopped.over();
+        self.news.ended(state, error.clone());
+        match (state, error) {
+            (CompressionState::Complete, _) => Ok(End::Done),
+            (_, Some(error)) => Err(error),
+            _ => Ok(End::Stopped),
+        }
     }
 
     /// Whether the end was reached.
@@ -118,7 +95,7 @@ impl Run {
         };
         news.running(compression.done(), compression.curve());
         let (data, pointer) = (&self.data, &mut self.pointer);
-        let result = compression.run(&[], &self.flags.stop, &mut |progress| {
+        let result = compression.run(&[], &self.stop, &mut |progress| {
             if pointer.tries > 0 {
                 // It computes: it is not what ended the program before.
                 pointer.tries = 0;
@@ -129,13 +106,5 @@ impl Run {
             news.sampled(&progress);
         })?;
         Ok(result.finished)
-    }
-}
-
-/// Gives this thread the lowest priority.
-fn step_back() {
-    // On Linux a priority is a thread's; no process means the caller.
-    if let Err(error) = rustix::process::setpriority_process(None, NICE) {
-        tracing::warn!(%error, "a compression keeps the usual priority");
     }
 }

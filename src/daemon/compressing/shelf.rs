@@ -11,6 +11,8 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CompressState {
+    /// Other computations come first.
+    Waiting,
     /// It is being computed.
     Running,
     /// It can go on.
@@ -53,25 +55,33 @@ pub struct CompressDetails {
     pub files: Vec<CompressFile>,
 }
 
-/// The compressions of a session, by name; `running` is the one that is being computed.
-pub(super) fn list(recording: &Recording, running: Option<&str>) -> Vec<CompressLine> {
+/// What is under way with a compression in this program.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Active {
+    /// Other computations come first.
+    Waiting,
+    /// It is being computed.
+    Running,
+}
+
+/// The compressions of a session, by name; `active` tells of a name what is under way with it.
+pub(super) fn list(recording: &Recording, active: &dyn Fn(&str) -> Option<Active>) -> Vec<CompressLine> {
     let folder = recording.compressions_path().ok();
     let entries = folder.and_then(|folder| std::fs::read_dir(folder).ok()).into_iter().flatten().flatten();
     let names = entries.map(|e| e.file_name().to_string_lossy().into_owned());
     let mut all: Vec<CompressLine> =
-        names.filter_map(|name| line(&recording.compression_path(&name).ok()?, name, running)).collect();
+        names.filter_map(|name| line(&recording.compression_path(&name).ok()?, name, active)).collect();
     all.sort_by(|a, b| a.name.cmp(&b.name));
     all
 }
 
-fn line(folder: &Path, name: String, running: Option<&str>) -> Option<CompressLine> {
+fn line(folder: &Path, name: String, active: &dyn Fn(&str) -> Option<Active>) -> Option<CompressLine> {
     let asked = asked(folder)?;
-    let state = if running == Some(name.as_str()) {
-        CompressState::Running
-    } else if is_finished(folder) {
-        CompressState::Complete
-    } else {
-        CompressState::Interrupted
+    let state = match active(&name) {
+        Some(Active::Waiting) => CompressState::Waiting,
+        Some(Active::Running) => CompressState::Running,
+        None if is_finished(folder) => CompressState::Complete,
+        None => CompressState::Interrupted,
     };
     Some(CompressLine { name, state, settings: asked.settings, placing: asked.placing })
 }
@@ -79,10 +89,10 @@ fn line(folder: &Path, name: String, running: Option<&str>) -> Option<CompressLi
 pub(super) fn details(
     recording: &Recording,
     name: &str,
-    running: Option<&str>,
+    active: &dyn Fn(&str) -> Option<Active>,
 ) -> Result<CompressDetails, CompressError> {
     let folder = place(recording, name)?;
-    let line = line(&folder, name.to_owned(), running).ok_or(CompressError::Absent)?;
+    let line = line(&folder, name.to_owned(), active).ok_or(CompressError::Absent)?;
     let text = read_inside(&folder, RESULT, TEXT_LIMIT).ok();
     let result = text.and_then(|text| serde_json::from_slice(&text).ok());
     Ok(CompressDetails { line, result, files: files(&folder) })

@@ -21,6 +21,7 @@ mod usb;
 mod usbip;
 mod wire;
 
+use crate::skip::{Lacking, skip};
 use body::Body;
 use std::net::TcpListener;
 use std::path::Path;
@@ -31,7 +32,7 @@ use std::time::{Duration, SystemTime};
 pub fn speaks_ptpip() -> bool {
     let there = ["/usr/lib", "/usr/local/lib"].iter().any(|root| has_port(Path::new(root), 3));
     if !there {
-        println!("skipped: libgphoto2 has no port `ptpip` here; install libgphoto2-port12");
+        skip(Lacking::Tools, "libgphoto2 has no port `ptpip` here; install libgphoto2-port12");
     }
     there
 }

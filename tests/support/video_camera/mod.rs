@@ -3,6 +3,7 @@
 // Each test file uses its own part of this.
 #![allow(dead_code)]
 
+use crate::skip::{Lacking, skip};
 use std::io::{Read as _, Write as _};
 use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
@@ -23,7 +24,7 @@ pub fn library() -> Option<&'static Path> {
     let made = MADE.get_or_init(|| {
         let dir = tempfile::tempdir().unwrap();
         let library = dir.path().join("video_camera.so");
-        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/video_camera/video_camera.c");
+        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/support/video_camera/video_camera.c");
         let mut compiler = Command::new("cc");
         compiler.args(["-shared", "-fPIC", "-O2", "-pthread", "-o"]).arg(&library).arg(source).arg("-ldl");
         match compiler.output() {
@@ -32,7 +33,7 @@ pub fn library() -> Option<&'static Path> {
                 Some((dir, library))
             }
             Err(e) => {
-                println!("skipped: no C compiler `cc` ({e}); install gcc");
+                skip(Lacking::Tools, format_args!("no C compiler `cc` ({e}); install gcc"));
                 None
             }
         }

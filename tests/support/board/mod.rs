@@ -3,11 +3,12 @@
 // Each test file uses its own part of this.
 #![allow(dead_code)]
 
+use crate::skip::{Lacking, skip};
+use grainrig::session::sha256_hex;
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
-use std::sync::OnceLock;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
@@ -18,58 +19,71 @@ fn built() -> &'static Path {
     Path::new(env!("CARGO_TARGET_TMPDIR"))
 }
 
-fn compiled(command: &mut Command) -> Result<(), String> {
-    let done = command.output().map_err(|e| format!("{command:?}: {e}"))?;
-    if done.status.success() {
-        return Ok(());
+/// What a command makes of these sources (files or folders below the project's root), made once for all tests. Tests of
+/// several processes may want it at once: it is made beside its place and put there whole, under a name that follows from the
+/// sources' bytes.
+fn made(name: &str, sources: &[&str], command: impl FnOnce(&Path) -> Command) -> Result<PathBuf, String> {
+    let mut bytes = Vec::new();
+    for source in sources.iter().map(|s| Path::new(ROOT).join(s)) {
+        let mut files: Vec<PathBuf> = match std::fs::read_dir(&source) {
+            Ok(entries) => entries.map(|e| e.unwrap().path()).filter(|p| p.is_file()).collect(),
+            Err(_) => vec![source],
+        };
+        files.sort();
+        files.iter().for_each(|f| bytes.extend(std::fs::read(f).unwrap()));
     }
-    Err(format!("{command:?}: {}", String::from_utf8_lossy(&done.stderr)))
+    let place = built().join(format!("{name}-{}", &sha256_hex(&bytes)[..16]));
+    if place.exists() {
+        return Ok(place);
+    }
+    let beside = tempfile::tempdir_in(built()).unwrap();
+    let out = beside.path().join(name);
+    let mut command = command(&out);
+    let done = command.output().map_err(|e| format!("{command:?}: {e}"))?;
+    if !done.status.success() {
+        return Err(format!("{command:?}: {}", String::from_utf8_lossy(&done.stderr)));
+    }
+    // Another test may have been quicker: a folder that is there is not replaced, and is the same.
+    match std::fs::rename(&out, &place) {
+        Err(e) if !place.exists() => Err(format!("{}: {e}", place.display())),
+        _ => Ok(place),
+    }
 }
 
-/// The firmware as the board gets it, compiled once for all tests of this program.
+fn c_compiler(options: &[&str], out: &Path) -> Command {
+    let mut command = Command::new("cc");
+    command.args(options).arg("-o").arg(out);
+    command
+}
+
+/// The firmware as the board gets it.
 pub fn firmware() -> Result<PathBuf, String> {
-    static DONE: OnceLock<Result<PathBuf, String>> = OnceLock::new();
-    DONE.get_or_init(|| {
-        let out = built().join("firmware");
-        compiled(
-            Command::new("make")
-                .args(["-s", "-C"])
-                .arg(format!("{ROOT}/firmware"))
-                .arg(format!("OUT={}", out.display())),
-        )?;
-        Ok(out.join("controller.elf"))
-    })
-    .clone()
+    let folder = made("firmware", &["firmware"], |out| {
+        let mut command = Command::new("make");
+        command.args(["-s", "-C"]).arg(format!("{ROOT}/firmware")).arg(format!("OUT={}", out.display()));
+        command
+    })?;
+    Ok(folder.join("controller.elf"))
 }
 
 /// The firmware's frame reader as a program of this computer.
 pub fn frame_reader() -> Result<PathBuf, String> {
-    let out = built().join("frame_host");
-    let sources = ["tests/board/frame_host.c", "firmware/frame.c"].map(|s| format!("{ROOT}/{s}"));
-    compiled(
-        Command::new("cc")
-            .args(["-O1", "-Wall", "-Wextra", "-fsanitize=undefined", "-fno-sanitize-recover", "-o"])
-            .arg(&out)
-            .args(sources),
-    )?;
-    Ok(out)
+    let sources = ["tests/support/board/frame_host.c", "firmware/frame.c"];
+    made("frame_host", &["firmware", sources[0]], |out| {
+        let options = ["-O1", "-Wall", "-Wextra", "-fsanitize=undefined", "-fno-sanitize-recover"];
+        let mut command = c_compiler(&options, out);
+        command.args(sources.map(|s| format!("{ROOT}/{s}")));
+        command
+    })
 }
 
 fn program() -> Result<PathBuf, String> {
-    static DONE: OnceLock<Result<PathBuf, String>> = OnceLock::new();
-    DONE.get_or_init(|| {
-        let out = built().join("board");
-        let source = format!("{ROOT}/tests/board/board.c");
-        compiled(
-            Command::new("cc")
-                .args(["-O2", "-o"])
-                .arg(&out)
-                .arg(source)
-                .args(["-lsimavr", "-lelf", "-lutil"]),
-        )?;
-        Ok(out)
+    let source = "tests/support/board/board.c";
+    made("board", &[source], |out| {
+        let mut command = c_compiler(&["-O2"], out);
+        command.arg(format!("{ROOT}/{source}")).args(["-lsimavr", "-lelf", "-lutil"]);
+        command
     })
-    .clone()
 }
 
 /// A running board.
@@ -88,7 +102,7 @@ impl Board {
         match Self::started(at, switch_at) {
             Ok(board) => Some(board),
             Err(why) => {
-                println!("skipped: {why}");
+                skip(Lacking::Tools, why);
                 None
             }
         }

@@ -1,7 +1,7 @@
 /* The firmware's frame reader on a computer: bytes on stdin, what it finds on stdout, a line each: `good SS BODY` or `bad`. */
 #include <stdio.h>
 
-#include "../../firmware/frame.h"
+#include "../../../firmware/frame.h"
 
 int main(void) {
     static struct frame_reader reader;
