@@ -76,11 +76,16 @@ drivers:
 		$(APT) update && $(APT) install -y libgphoto2-dev libclang-dev pkg-config gcc libc6-dev; } \
 		|| echo '*** libgphoto2-dev or libclang-dev could not be installed: this is built without drivers of cameras' >&2
 
-# Style, lints, documentation, licences; known vulnerabilities where the database can be reached.
+# Style, lints, documentation, the book with its links, licences; known vulnerabilities where the database can be reached.
+# Where mdbook can't be had the book is not built, and its links, commands and pictures are held all the same.
 check: drivers
 	$(CARGO) fmt --check
 	$(CARGO) clippy --all-targets $(FEATURES) -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --no-deps --document-private-items $(FEATURES)
+	$(CARGO) test $(FEATURES) --test papers
+	@command -v mdbook >/dev/null || $(CARGO) install --locked mdbook \
+		|| echo '*** mdbook could not be installed: the book is not built' >&2
+	@! command -v mdbook >/dev/null || mdbook build docs
 	@command -v cargo-deny >/dev/null || $(CARGO) install --locked cargo-deny
 	$(CARGO) deny check licenses bans sources
 	$(CARGO) deny check advisories || echo 'advisories were not checked: see above'

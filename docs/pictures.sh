@@ -1,0 +1,30 @@
+#!/usr/bin/env bash
+# Makes the pictures of the book anew, in docs/src/pictures. It takes some minutes and a browser (`make tools` has one).
+#
+#   docs/pictures.sh [PROGRAM]          PROGRAM is target/release/grainrig unless told
+set -euo pipefail
+cd "$(dirname "$0")/.."
+GRAINRIG=$(realpath "${1:-target/release/grainrig}")
+CHROMIUM=${CHROMIUM:-$(command -v chromium || command -v chromium-browser || command -v google-chrome || true)}
+export GRAINRIG CHROMIUM
+out=$PWD/docs/src/pictures
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cd "$work"
+
+# The simulated rig's own grain, as `make demo` has it.
+"$GRAINRIG" capture demo
+"$GRAINRIG" compress demo
+"$GRAINRIG" study sensitivity
+products=data/demo/products
+cp $products/outline_00.png "$out/outline.png"
+cp $products/calibration.png "$out/calibration.png"
+cp $products/convergence.png "$out/convergence.png"
+cp demo-compressed/curve.png "$out/curve.png"
+cp demo-compressed/stage_08.png "$out/stresses.png"
+cp study-sensitivity/curves.png "$out/sensitivity.png"
+node "$OLDPWD/docs/pictures.mjs" data $products/grain.inp "$out"
+
+# A picture in a book that is read over a slow line.
+find "$out" -size +250000c -printf '%f has %s bytes, 250 kB is the limit\n' | grep . >&2 && exit 1
+ls -l "$out"
