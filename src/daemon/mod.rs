@@ -213,7 +213,7 @@ pub enum DaemonError {
     Encode(String),
     /// The manifest's configuration is from another version.
     #[error(
-        "session {session}: its frozen {part} is not readable by this version: {reason}; use the version that made it"
+        "session {session}: its frozen {part} cannot be read by this version: {reason}; use the version that made it"
     )]
     Frozen {
         /// Name of the session.

@@ -41,13 +41,13 @@ pub(super) struct After {
 ///
 /// `id` is the event's number, `event` its kind, `data` the [`Event`](openapi::StreamedEvent) as JSON. A
 /// client that says which event it had last (`Last-Event-ID`, or `after`) gets each later one exactly
-/// once. One that says none, or one no longer kept, first gets a `snapshot`, whose data is the status
-/// and whose number is that of the last event in it. A stream ends after ten minutes, or when it must make room for others:
+/// once. One that says none, or one no longer kept, first gets a `snapshot`, whose data has the
+/// status and `seq`, the number of the last event in it. A stream ends after ten minutes, or when it must make room for others:
 /// come back with the last number.
 #[utoipa::path(get, path = "/api/v1/events", tag = "run",
     params(After, ("last-event-id" = Option<u64>, Header, description = "The last event the client has")),
     responses(
-    (status = 200, description = "The stream; each `data` is a StreamedEvent, or a Status for `snapshot`",
+    (status = 200, description = "The stream; each `data` is a StreamedEvent, or `seq` and `status` for `snapshot`",
      content_type = "text/event-stream", body = openapi::StreamedEvent),
     (status = 400, description = "`after` is no number", body = ErrorBody),
     (status = 401, description = "No token, or a wrong one", body = ErrorBody),

@@ -111,7 +111,15 @@ pub enum SessionError {
         /// Bytes recorded.
         recorded: u64,
     },
-    /// The manifest is missing, unreadable or from another version.
+    /// A session that another version made, which this one cannot read.
+    #[error("{}: {reason}; use the version of grainrig that made the session", path.display())]
+    OtherVersion {
+        /// The file.
+        path: PathBuf,
+        /// What this version does not know.
+        reason: String,
+    },
+    /// The manifest is missing or unreadable.
     #[error("{}: {reason}; restore manifest.json from a backup, or delete the session", path.display())]
     Manifest {
         /// The file.

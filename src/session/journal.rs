@@ -16,6 +16,9 @@ use jiff::Timestamp;
 
 /// `,"hash":"` + 64 digits + `"}`.
 const SEAL: usize = 9 + 64 + 2;
+/// What stands before and after the hash.
+const SEAL_BEGINS: &str = ",\"hash\":\"";
+const SEAL_ENDS: &str = "\"}";
 /// A longer line is not one of ours: it would only fill the memory.
 const LONGEST_LINE: usize = 16 << 20;
 
@@ -59,13 +62,28 @@ impl Chain {
     }
 
     /// Reads the next line (without its line end) and moves on.
-    fn decode(&mut self, line: &[u8]) -> Result<Record, String> {
+    fn decode(&mut self, line: &[u8]) -> Result<Record, Unreadable> {
+        let text = self.sealed(line).map_err(Unreadable::Damaged)?;
+        // The line is whole and in its place: whoever wrote it knows a kind of event, or a field, that this program does not.
+        let event: Event = serde_json::from_str(text).map_err(|e| Unreadable::Unknown(e.to_string()))?;
+        if event.seq != self.next_seq {
+            let reason = format!("its number is {}, {} is due", event.seq, self.next_seq);
+            return Err(Unreadable::Damaged(reason));
+        }
+        let hash = &text[text.len() - SEAL + SEAL_BEGINS.len()..text.len() - SEAL_ENDS.len()];
+        let record = Record { event, hash: hash.to_owned(), line: format!("{text}\n") };
+        self.advance(&record);
+        Ok(record)
+    }
+
+    /// The text of a line that has its own hash and follows the one before it.
+    fn sealed<'a>(&self, line: &'a [u8]) -> Result<&'a str, String> {
         let text = std::str::from_utf8(line).map_err(|e| format!("it is not UTF-8 ({e})"))?;
         let cut = text.len().checked_sub(SEAL).filter(|&at| text.is_char_boundary(at));
         let (open, seal) = text.split_at(cut.ok_or("it is too short for a record")?);
         let hash = seal
-            .strip_prefix(",\"hash\":\"")
-            .and_then(|s| s.strip_suffix("\"}"))
+            .strip_prefix(SEAL_BEGINS)
+            .and_then(|s| s.strip_suffix(SEAL_ENDS))
             .ok_or("it does not end with its hash")?;
         let found = sha256_hex(format!("{open}}}").as_bytes());
         if found != hash {
@@ -76,14 +94,16 @@ impl Chain {
             let before = if self.next_seq == 0 { "manifest.json" } else { "the line before" };
             return Err(format!("it does not follow {before}, which was changed, removed or added"));
         }
-        let event: Event = serde_json::from_str(text).map_err(|e| e.to_string())?;
-        if event.seq != self.next_seq {
-            return Err(format!("its number is {}, {} is due", event.seq, self.next_seq));
-        }
-        let record = Record { event, hash: hash.to_owned(), line: format!("{text}\n") };
-        self.advance(&record);
-        Ok(record)
+        Ok(text)
     }
+}
+
+/// Why a line is no record.
+enum Unreadable {
+    /// It is not what was written.
+    Damaged(String),
+    /// It is what was written, by a program that knows more than this one.
+    Unknown(String),
 }
 
 /// A record of the journal.
@@ -104,6 +124,8 @@ pub struct Damage {
     pub line: usize,
     /// What is wrong with it.
     pub reason: String,
+    /// Whether it is as it was written, by a version that knows more than this one.
+    pub is_newer: bool,
 }
 
 /// Reads a journal: push bytes as they come, pull records.
@@ -138,7 +160,7 @@ impl Decoder {
         }
         let found = match self.pending.iter().position(|&b| b == b'\n') {
             None if self.pending.len() <= LONGEST_LINE => return None,
-            None => Err(format!("it has more than {LONGEST_LINE} bytes")),
+            None => Err(Unreadable::Damaged(format!("it has more than {LONGEST_LINE} bytes"))),
             Some(end) => {
                 let line: Vec<u8> = self.pending.drain(..=end).collect();
                 self.chain.decode(&line[..end])
@@ -150,9 +172,11 @@ impl Decoder {
                 self.good_bytes += record.line.len() as u64;
                 Ok(record)
             }
-            Err(reason) => {
+            Err(why) => {
                 self.damaged = true;
-                Err(Damage { line: self.line, reason })
+                let is_newer = matches!(why, Unreadable::Unknown(_));
+                let (Unreadable::Damaged(reason) | Unreadable::Unknown(reason)) = why;
+                Err(Damage { line: self.line, reason, is_newer })
             }
         })
     }

@@ -78,7 +78,11 @@ impl Recording {
     pub fn read(folder: &Path) -> Result<Self, SessionError> {
         match Self::read_to_damage(folder)? {
             (it, None) => Ok(it),
-            (_, Some(Damage { line, reason })) => {
+            (_, Some(Damage { line, reason, is_newer: true })) => Err(SessionError::OtherVersion {
+                path: folder.join(JOURNAL),
+                reason: format!("line {line}: {reason}"),
+            }),
+            (_, Some(Damage { line, reason, .. })) => {
                 Err(SessionError::Journal { path: folder.join(JOURNAL), line, reason })
             }
         }
@@ -100,7 +104,10 @@ impl Recording {
         let path = folder.join(JOURNAL);
         let file = match open_inside(folder, JOURNAL) {
             Err(e) if e.is_missing() => {
-                return Ok((it, Some(Damage { line: 1, reason: "the file is missing".to_owned() })));
+                return Ok((
+                    it,
+                    Some(Damage { line: 1, reason: "the file is missing".to_owned(), is_newer: false }),
+                ));
             }
             other => other?,
         };
@@ -119,7 +126,7 @@ impl Recording {
                 && damage.is_none()
             {
                 let line = it.events.len() + 1;
-                let contradiction = |reason| Damage { line, reason };
+                let contradiction = |reason| Damage { line, reason, is_newer: false };
                 match next.and_then(|r| it.check(&r.event.what).map(|()| r).map_err(contradiction)) {
                     Ok(record) => it.take(record.event),
                     Err(found) => damage = Some(found),
@@ -397,10 +404,8 @@ fn parse_manifest(folder: &Path, bytes: &[u8]) -> Result<Manifest, SessionError>
     // The version first: a manifest of a later version may have other fields.
     let version: Version = serde_json::from_slice(bytes).map_err(|e| fail(e.to_string()))?;
     if version.format != FORMAT_VERSION {
-        return Err(fail(format!(
-            "its format version is {}, this program reads {FORMAT_VERSION}",
-            version.format
-        )));
+        let reason = format!("its format version is {}, this program reads {FORMAT_VERSION}", version.format);
+        return Err(SessionError::OtherVersion { path: folder.join(MANIFEST), reason });
     }
     let manifest: Manifest = serde_json::from_slice(bytes).map_err(|e| fail(e.to_string()))?;
     check_manifest(&manifest).map_err(fail)?;

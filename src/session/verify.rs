@@ -166,7 +166,8 @@ pub fn verify(folder: &Path) -> Result<VerifyReport, SessionError> {
     report.records = recording.events().len();
     report.planned = recording.manifest().plan.views.len();
     if let Some(d) = damage {
-        report.faults.push(Fault::Journal { line: d.line, reason: d.reason });
+        let remedy = if d.is_newer { "; use the version of grainrig that made the session" } else { "" };
+        report.faults.push(Fault::Journal { line: d.line, reason: d.reason + remedy });
     } else if recording.torn_bytes() > 0 && !report.busy {
         report.faults.push(Fault::Torn { bytes: recording.torn_bytes() });
     }

@@ -261,7 +261,14 @@ impl Claim {
             None => is_free(folder),
         };
         if !goes_on {
-            return Err(DaemonError::NotFree { path: folder.into() });
+            let path = folder.to_owned();
+            let unreadable = read_inside(folder, ASKED, TEXT_LIMIT)
+                .ok()
+                .and_then(|text| serde_json::from_slice::<Asked>(&text).err());
+            return Err(match unreadable {
+                Some(e) => DaemonError::Resume { path, reason: format!("{ASKED}: {e}") },
+                None => DaemonError::NotFree { path },
+            });
         }
         std::fs::create_dir_all(folder)
             .map_err(|source| DaemonError::Write { path: folder.into(), source })?;
