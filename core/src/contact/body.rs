@@ -1,14 +1,16 @@
 //! The grain's tetrahedra in the order and the batches in which they are computed.
 
 use super::elastic::{self, Moduli};
-use super::lanes::{Batch, Lane, Node, W, cofactors};
-use super::{ContactError, Material, limit, order};
+use super::lanes::{Batch, Lane, Node, W};
+use super::{ContactError, Material, element, order};
 use crate::mesh::TetMesh;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// Tetrahedra of a chunk: its nodes' places and forces (about 15 kB) stay in a core's nearest cache.
 const CHUNK: usize = 1024;
+/// Nodes of a block, over which sums are made one after another.
+pub(super) const BLOCK: usize = 1024;
 /// The least and the most that a body may be long, mm: beyond them no figure that follows is worth anything.
 const SIZE_MM: [f64; 2] = [1e-6, 1e6];
 /// Share of the critical damping of an element's highest mode that bulk viscosity gives (Abaqus' and LS-DYNA's b₁).
@@ -79,7 +81,7 @@ impl Body {
         let tets: Vec<[u32; 4]> =
             element_of.iter().map(|&t| mesh.tets[t as usize].map(|n| new[n as usize])).collect();
         let limits: Vec<f64> =
-            tets.par_iter().map(|t| limit::element_s(material, &corners(&rest, t))).collect();
+            tets.par_iter().map(|t| element::element_s(material, &corners(&rest, t))).collect();
         let chunks: Vec<Chunk> = tets
             .par_chunks(CHUNK)
             .enumerate()
@@ -100,7 +102,7 @@ impl Body {
         }
         let mut volume = vec![0.0; rest.len()];
         for t in &tets {
-            let quarter = 0.25 * tet_volume(&corners(&rest, t));
+            let quarter = 0.25 * element::tet_volume(&corners(&rest, t));
             t.iter().for_each(|&n| volume[n as usize] += quarter);
         }
         let mass = volume.iter().map(|v| material.density_t_mm3 * v).collect();
@@ -276,28 +278,6 @@ fn corners(nodes: &[Node], tet: &[u32; 4]) -> [Node; 4] {
     tet.map(|n| nodes[n as usize])
 }
 
-fn edge_matrix(p: &[Node; 4]) -> [f64; 9] {
-    let mut out = [0.0; 9];
-    for k in 0..3 {
-        for i in 0..3 {
-            out[3 * i + k] = p[k + 1][i] - p[0][i];
-        }
-    }
-    out
-}
-
-/// Volume of a tetrahedron.
-pub(super) fn tet_volume(p: &[Node; 4]) -> f64 {
-    cofactors(&edge_matrix(p)).1 / 6.0
-}
-
-/// Gradients of the shape functions of nodes 1, 2, 3 (rows): the inverse of the edges' matrix.
-pub(super) fn shape_gradients(p: &[Node; 4]) -> [f64; 9] {
-    let (c, d) = cofactors(&edge_matrix(p));
-    // The inverse is the transposed cofactors over the determinant.
-    [c[0] / d, c[3] / d, c[6] / d, c[1] / d, c[4] / d, c[7] / d, c[2] / d, c[5] / d, c[8] / d]
-}
-
 fn chunk(material: &Material, rest: &[Node], tets: &[[u32; 4]], limits: &[f64], first: usize) -> Chunk {
     let mut nodes: Vec<u32> = Vec::new();
     let mut place: HashMap<u32, u16> = HashMap::new();
@@ -312,7 +292,7 @@ fn chunk(material: &Material, rest: &[Node], tets: &[[u32; 4]], limits: &[f64], 
                 // An empty place repeats the group's last element without its volume.
                 let at = l.min(group.len() - 1);
                 let p = corners(rest, &group[at]);
-                super::lanes::put(&mut batch.gradients, l, &shape_gradients(&p));
+                super::lanes::put(&mut batch.gradients, l, &element::shape_gradients(&p));
                 for k in 0..4 {
                     let next = nodes.len() as u16;
                     let n = group[at][k];
@@ -322,7 +302,7 @@ fn chunk(material: &Material, rest: &[Node], tets: &[[u32; 4]], limits: &[f64], 
                     });
                 }
                 if l == at {
-                    batch.volume[l] = tet_volume(&p);
+                    batch.volume[l] = element::tet_volume(&p);
                     // The length that a pressure wave crosses in the element's own stable step.
                     let h = c * limits[b * W + l];
                     batch.viscosity[l] = BULK_VISCOSITY * material.density_t_mm3 * c * h;

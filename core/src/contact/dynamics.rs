@@ -9,12 +9,13 @@
 //! Forces of a chunk of elements go to places of its own, and each node adds what its chunks say in a fixed order; sums over
 //! nodes are made over blocks of a fixed size. So the same bits come out on any number of threads.
 
+use super::body::{BLOCK, BULK_VISCOSITY};
 use super::elastic::{self, Moduli};
 use super::lanes::{Lane, Node, W};
 use super::plastic::{self, Law, Memory, Since};
 use super::plates::{Closing, Plates, Reaction};
 use super::rigid::Rigid;
-use super::{Body, ContactError, Fields};
+use super::{Body, ContactError, time_step};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -23,8 +24,6 @@ use serde::{Deserialize, Serialize};
 /// between the plates, as there is no weight that keeps it down. With this share rattling ends in some hundred crossings of the
 /// grain by shear waves, and the drag is some thousandths of the force.
 const WHOLE: f64 = 0.05;
-/// Nodes of a block.
-pub(super) const BLOCK: usize = 1024;
 
 /// The energies, N·mm. What the plates put in is `external`; the rest is where it went.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -182,8 +181,8 @@ impl Dynamics {
     /// about fifty steps.
     pub fn stable_step_s(&self, body: &Body) -> f64 {
         // Viscosity of the share b of critical damping in the highest mode asks for √(1+b²) − b of the step.
-        let b = super::body::BULK_VISCOSITY;
-        ((1.0 + b * b).sqrt() - b) * super::limit::body_s(body, &self.places)
+        let b = BULK_VISCOSITY;
+        ((1.0 + b * b).sqrt() - b) * time_step::body_s(body, &self.places)
     }
 
     /// One step. The plates move with these speeds (lower, upper; up is positive, mm/s).
@@ -377,11 +376,6 @@ impl Dynamics {
         let chunks = self.chunks.iter().map(of).sum::<usize>();
         // Of a node: place, velocity, force, pressure.
         chunks + 24 * self.slots.len() + 8 * self.volumes.len() + 80 * self.places.len()
-    }
-
-    /// Stresses and plastic strains of the elements now.
-    pub fn fields(&self, body: &Body) -> Fields {
-        super::fields::fields(body, self)
     }
 
     /// How the grain moves as a whole now.

@@ -39,8 +39,14 @@ fn mises(s: &[f64; 6]) -> f64 {
     (1.5 * (a * a + b * b + c * c) + 3.0 * (s[3] * s[3] + s[4] * s[4] + s[5] * s[5])).sqrt()
 }
 
-/// The stresses and strains now.
-pub(super) fn fields(body: &Body, dynamics: &Dynamics) -> Fields {
+impl Dynamics {
+    /// Stresses and plastic strains of the elements now.
+    pub fn fields(&self, body: &Body) -> Fields {
+        fields(body, self)
+    }
+}
+
+fn fields(body: &Body, dynamics: &Dynamics) -> Fields {
     let moduli = Moduli::from(&body.material);
     let law = Law::of(&body.material);
     let parts: Vec<Vec<([f64; 6], f64)>> = (body.chunks.par_iter())

@@ -1,6 +1,6 @@
 //! How a body moves as a whole, which damping must not hold back.
 
-use super::dynamics::BLOCK;
+use super::body::BLOCK;
 use super::lanes::Node;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;

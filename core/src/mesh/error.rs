@@ -1,6 +1,6 @@
 //! What can go wrong between a body and its mesh.
 
-use super::{TetFault, controls::Broken};
+use super::{TetFault, broken::Broken};
 use crate::geometry::{MeshFault, Point};
 
 /// Why there is no mesh.

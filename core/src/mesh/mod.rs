@@ -7,6 +7,7 @@
 //! are promises: a mesh that breaks one is an error, not a result.
 
 mod background;
+mod broken;
 mod controls;
 mod crossing;
 mod cut;
@@ -33,11 +34,12 @@ pub use controls::Controls;
 pub use distance::{Distance, Distances};
 pub use error::MeshError;
 pub use extent::check_extent;
+pub use faces::FACES;
 pub use quality::{Dihedral, Quality};
 pub use second::{MIDDLES, SecondOrder};
 pub use solid::{MOST_TRIANGLES, Solid};
 pub use spread::{Histogram, Spread};
-pub use tetmesh::{FACES, Surface, TetFault, TetMesh};
+pub use tetmesh::{Surface, TetFault, TetMesh};
 pub use voxels::Voxels;
 
 use crate::geometry::{ImplicitBody, Point};

@@ -1,12 +1,8 @@
 //! Tetrahedra that share nodes.
 
-use super::faces::Faces;
+use super::faces::{Faces, face_nodes};
 use super::score;
 use crate::geometry::{MeshFault, Point, TriangleMesh};
-
-/// The faces of a tetrahedron as places in its list of nodes, counter-clockwise seen from outside, in the
-/// order of Abaqus' and `CalculiX`' S1 to S4.
-pub const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
 
 /// A body of four-node tetrahedra.
 ///
@@ -35,7 +31,7 @@ pub struct Surface {
     pub triangles: TriangleMesh,
     /// The mesh's node number of each vertex of the surface, rising.
     pub nodes: Vec<u32>,
-    /// For each triangle its tetrahedron and the place of its face in [`FACES`].
+    /// For each triangle its tetrahedron and the place of its face in [`super::FACES`].
     pub faces: Vec<(u32, u8)>,
 }
 
@@ -148,11 +144,6 @@ impl TetMesh {
         }
         Ok(self.surface_of(faces.boundary()).triangles.check()?)
     }
-}
-
-/// The nodes of a tetrahedron's face, counter-clockwise seen from outside.
-pub(super) fn face_nodes(tets: &[[u32; 4]], tet: u32, face: u8) -> [u32; 3] {
-    FACES[face as usize].map(|i| tets[tet as usize][i])
 }
 
 /// Whether a triangle's nodes are a rotation of their rising order.

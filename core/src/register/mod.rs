@@ -14,11 +14,13 @@ mod open;
 mod pose;
 mod rims;
 mod search;
+mod view;
 
 pub use error::RegisterError;
 pub use motion::Motion;
 pub use open::Cut;
-pub use pose::{Pose, PoseView};
+pub use pose::Pose;
+pub use view::PoseView;
 
 use crate::geometry::{ImplicitBody as _, Point};
 use serde::Serialize;

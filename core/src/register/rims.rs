@@ -5,7 +5,8 @@
 //! best place of the ray is how far the silhouette is not filled there.
 
 use super::fit::Term;
-use super::{Motion, PoseView, RegisterError, field};
+use super::view::PoseView;
+use super::{Motion, RegisterError, field};
 use crate::geometry::{Aabb, ImplicitBody, Point, Vector};
 use crate::hull::{HullError, VisualHull};
 use rayon::prelude::*;

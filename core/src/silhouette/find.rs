@@ -1,17 +1,18 @@
 //! The order of the steps from a picture to its silhouette.
 
-use super::frame::{self, Rect};
+use super::frame;
 use super::mask::{Connect, Mask};
 use super::outline::Parts;
 use super::pedestal::{self, Pedestal};
 use super::plane::Plane;
+use super::rect::Rect;
 use super::reduced::Reduced;
 use super::report::{PedestalSeen, Report};
 use super::search::{Scene, search};
 use super::{
     Classes, Histogram, Holes, PedestalMode, Polarity, Settings, Silhouette, SilhouetteError, Source, Uncut,
 };
-use super::{despeckle, distance, holes, outline, pieces, plain, recut, shine};
+use super::{despeckle, distance, holes, outline, pieces, plain, shine};
 
 /// A threshold this many standard deviations above the background is clear of its noise.
 const CLEAR_SIGMAS: f64 = 6.0;
@@ -291,16 +292,8 @@ fn finish(
     report.shift_otsu_two_px = shift(report.area_otsu_two_px);
     report.shift_otsu_three_px = shift(report.area_otsu_three_px);
     let uncut =
-        placed.uncut.zip(report.pedestal).map(|(whole, p)| uncut(&whole, placed.origin[1], p.top_row));
+        placed.uncut.zip(report.pedestal).map(|(whole, p)| Uncut::of(&whole, placed.origin[1], p.top_row));
     Ok(Found { silhouette, report, uncut, histogram: seen.histogram.clone(), blur_px: placed.blur_px })
-}
-
-/// The last rows of a silhouette's rectangle, from a little above the pedestal's top on, before the cut.
-fn uncut(whole: &outline::Field, first_row: usize, top_row: f64) -> Uncut {
-    let outline::Field { width, height, values } = whole;
-    let above = (top_row.max(0.0) as usize).saturating_sub(first_row + recut::ROWS);
-    let first = above.min(*height);
-    Uncut { first, values: values[first * width..].to_vec() }
 }
 
 /// An outline in the rectangle around it.

@@ -1,35 +1,8 @@
 //! A silhouette that has been found, cut again at a pedestal's top that is known better.
 
 use super::outline::Field;
-use super::{Found, PedestalSeen, Silhouette, distance};
-
-/// Rows above and below the top for which the outline before the cut is kept.
-pub(super) const ROWS: usize = 24;
-/// The cut is this much wider than the pedestal on each side, pixels.
-const CUT_MARGIN: f64 = 5.0;
-
-/// The outline around a pedestal's top as it was before the cut: the last rows of a silhouette's rectangle.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Uncut {
-    /// The first row kept, counted in the silhouette's rectangle; all below it are kept too.
-    pub(super) first: usize,
-    /// `[row, column]`, row-major: 0 on the outline, −1 well inside, +1 well outside.
-    pub(super) values: Vec<f32>,
-}
-
-impl Silhouette {
-    /// Width of the outline along the line one pixel above a pedestal's top, pixels.
-    pub(super) fn width_above(&self, stand: &PedestalSeen) -> f64 {
-        const STEP: f64 = 0.125;
-        let first = self.origin[0] as f64;
-        let row = |x: f64| stand.top_row - 1.0 + stand.top_slope * (x - stand.centre_column);
-        let steps = (self.size[0] as f64 / STEP) as usize;
-        let inside = (0..steps)
-            .map(|k| first + STEP * k as f64)
-            .filter(|&x| self.signed_distance_px([x, row(x)]) < 0.0);
-        inside.count() as f64 * STEP * stand.top_slope.hypot(1.0)
-    }
-}
+use super::pedestal::CUT_MARGIN;
+use super::{Found, PedestalSeen, distance};
 
 impl Found {
     /// Cuts the silhouette at a top row (at `centre_column`), slope and half width in place of its own; all in pixels

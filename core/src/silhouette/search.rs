@@ -1,9 +1,9 @@
 //! Where the grain is, in which channel it shows best, and whether it is the bright or the dark one.
 
 use super::backdrop::Backdrop;
-use super::frame::Rect;
 use super::mask::{Connect, Mask};
 use super::otsu::Histogram;
+use super::rect::Rect;
 use super::reduced::Reduced;
 use super::{Channel, Polarity, Settings, SilhouetteError};
 use rayon::prelude::*;

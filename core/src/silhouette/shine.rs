@@ -4,9 +4,9 @@
 //! grain such a spot is an opening, which is filled; on its edge it would be a bite out of the outline.
 
 use super::Source;
-use super::frame::Rect;
 use super::mask::{Connect, Mask};
 use super::plane::Plane;
+use super::rect::Rect;
 
 /// A pixel is saturated from this grey level on, in every channel.
 const SATURATED: u8 = 250;

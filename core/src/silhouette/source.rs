@@ -1,6 +1,5 @@
 //! What a photograph must give for the grain in it to be found: a small copy of all of it, and pixels of a part.
 
-use super::frame::Rect;
 use super::{Picture, SilhouetteError};
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -127,12 +126,5 @@ impl Source for Picture {
         let mut out = Vec::with_capacity(columns.len() * rows.len() * self.channels());
         rows.clone().for_each(|y| out.extend_from_slice(self.row(y, columns.start, columns.end)));
         out
-    }
-}
-
-impl Rect {
-    /// As columns and rows.
-    pub(super) fn ranges(&self) -> (Range<usize>, Range<usize>) {
-        (self.x0..self.x1, self.y0..self.y1)
     }
 }

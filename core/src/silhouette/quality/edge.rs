@@ -1,8 +1,8 @@
 //! How soft the outline is: the edge's profile, averaged along the outline, and the distance between the profile's
 //! quartiles. Whether it is softer in one direction than in another is a matter of [`super::smear`].
 
-use super::frame::Rect;
-use super::{Found, Polarity, Silhouette, Source};
+use crate::silhouette::rect::Rect;
+use crate::silhouette::{Found, Polarity, Silhouette, Source};
 use std::ops::Range;
 
 /// Pixels on either side of the outline that are looked at: two and a half standard deviations of the softest

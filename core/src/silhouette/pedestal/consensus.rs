@@ -4,8 +4,8 @@
 //! the pedestal. A single view finds its top to about a fifth of a pixel, worse where the grain hides it; the views
 //! together find it several times better, and one that disagrees has seen something else.
 
-use super::PedestalSeen;
-use super::backdrop::median;
+use crate::silhouette::PedestalSeen;
+use crate::silhouette::backdrop::median;
 use serde::Serialize;
 
 /// A view whose pedestal is further from the joint one than this many standard deviations (of the views about it)

@@ -8,8 +8,8 @@
 //! All else that widens a profile, shade towards the limb or a highlight, widens some edges but sharpens none. Hence a
 //! direction is as soft as the sharper of its two sides, and one sharp side is enough to show that the lens is sharp.
 
-use super::Found;
 use super::edge::{Part, level};
+use crate::silhouette::Found;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 

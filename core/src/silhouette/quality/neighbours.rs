@@ -12,8 +12,7 @@
 //! grain is too angular for this. A telecentric lens is assumed; perspective, noise and the motor's errors are what
 //! the tolerances are for.
 
-use super::Traits;
-use super::quality::Check;
+use super::{Check, Traits};
 use std::collections::BTreeSet;
 
 /// Views further apart than this say little about each other, degrees: two steps of the usual 7.2°.

@@ -3,67 +3,17 @@
 //! Of one element by itself the highest mode is known in closed form but for an eigenvalue; the mesh's highest mode is lower
 //! (its nodes are heavier and its elements hold one another), and is found by Lanczos' iteration on the body as it is deformed.
 
-use super::body::{shape_gradients, tet_volume};
+use super::Body;
 use super::lanes::Node;
 use super::plastic::{self, Law};
-use super::{Body, Material};
-use nalgebra::{Matrix3, Matrix6};
 use rayon::prelude::*;
 
-/// Squarings of a matrix A: the trace of A²⁵⁶ tells its largest eigenvalue to 6^(1/256), 0.7 %, from above.
-const SQUARINGS: u32 = 8;
 /// Lanczos' iteration ends where this many steps changed the eigenvalue by less than a thousandth.
 const STEADY: usize = 8;
 /// Most steps of Lanczos' iteration.
 const MOST_STEPS: usize = 120;
 /// The displacement, over the mesh's smallest extent, by which the forces' derivative is taken.
 const NUDGE: f64 = 1e-7;
-
-/// The stable step of a four-node tetrahedron by itself with a quarter of its mass at each node, s; at most 0.4 % too small.
-///
-/// The eigenvalues are those of the strain's map σ → C : sym(σ G), G = Σ ∇N ∇Nᵀ over the four nodes, times 4/ρ.
-pub(super) fn element_s(material: &Material, p: &[Node; 4]) -> f64 {
-    let b = shape_gradients(p);
-    let mut g = Matrix3::zeros();
-    let mut first = nalgebra::Vector3::zeros();
-    for k in 0..3 {
-        let row = nalgebra::Vector3::new(b[3 * k], b[3 * k + 1], b[3 * k + 2]);
-        g += row * row.transpose();
-        first -= row;
-    }
-    g += first * first.transpose();
-    let half = std::f64::consts::FRAC_1_SQRT_2;
-    // Mandel's basis of symmetric matrices: orthonormal under the product a : b.
-    let basis: [Matrix3<f64>; 6] = [[0, 0], [1, 1], [2, 2], [1, 2], [0, 2], [0, 1]].map(|[i, j]| {
-        let mut m = Matrix3::zeros();
-        if i == j {
-            m[(i, i)] = 1.0;
-        } else {
-            m[(i, j)] = half;
-            m[(j, i)] = half;
-        }
-        m
-    });
-    let mut a = Matrix6::zeros();
-    for (column, sigma) in basis.iter().enumerate() {
-        let strain = 0.5 * (sigma * g + g * sigma);
-        let stress = 2.0 * material.shear_mpa() * strain
-            + Matrix3::identity() * (material.lambda_mpa() * strain.trace());
-        for (row, e) in basis.iter().enumerate() {
-            a[(row, column)] = e.dot(&stress);
-        }
-    }
-    let mut log = 0.0;
-    for n in 0..SQUARINGS {
-        let size = a.amax();
-        a /= size;
-        log += size.ln() / f64::from(1u32 << n);
-        a *= a;
-    }
-    let largest = (log + a.trace().ln() / f64::from(1u32 << SQUARINGS)).exp();
-    debug_assert!(tet_volume(p) > 0.0);
-    2.0 / (4.0 / material.density_t_mm3 * largest).sqrt()
-}
 
 /// The stable step of the whole body at these places, s: 2/ω of its highest mode, found from below to about a thousandth.
 pub(super) fn body_s(body: &Body, places: &[Node]) -> f64 {

@@ -4,8 +4,8 @@
 
 use super::edge::{self, Edge, Part};
 use super::smear::{self, Smear};
-use super::{Found, Polarity, Side, Silhouette, Source};
-use serde::{Deserialize, Serialize};
+use super::{Bound, Check, Verdict, ViewQuality};
+use crate::silhouette::{Found, Polarity, Side, Silhouette, Source};
 
 /// A blur of this share of the grain's diameter is doubtful, of the other bad. Half-way levels place a blurred
 /// outline of radius R about σ²/2R too far inside, and round corners off to a radius of σ: at 2.5 % the radius is
@@ -27,120 +27,6 @@ const FULL_SHARE: f64 = 0.5;
 /// Contrast over noise. Outlines are placed on means of about a dozen pixels a side: at 6 the outline of each
 /// pixel wavers by a quarter of the blur; a threshold at 6 standard deviations needs as much to be clear.
 const CONTRAST_OF_NOISE: [f64; 2] = [10.0, 6.0];
-
-/// How good a view is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Verdict {
-    /// Nothing is wrong with it.
-    Good,
-    /// Usable, but a person should look at it.
-    Doubtful,
-    /// It should be taken again.
-    Bad,
-}
-
-/// On which side of its limit a figure is good.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Bound {
-    /// Good at the limit and below.
-    AtMost,
-    /// Good at the limit and above.
-    AtLeast,
-}
-
-/// One figure of a view and what it means.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Check {
-    /// What was looked at: `focus`, `motion`, `clipping`, `border`, `contrast`; against other views
-    /// `duplicate`, `focus_change`, `clipping_change`, `exposure`, `area`, `height`, `left`, `right`.
-    pub name: &'static str,
-    /// The figure.
-    pub value: f64,
-    /// Its unit.
-    pub unit: &'static str,
-    /// On which side of the limit it is good.
-    pub bound: Bound,
-    /// The limit that it breaks; where it breaks none, the one beyond which it is doubtful.
-    pub limit: f64,
-    /// What follows.
-    pub verdict: Verdict,
-    /// What is the matter and what to do about it; absent where nothing is.
-    pub remedy: Option<String>,
-}
-
-impl Check {
-    /// A figure that should be at most the first limit, and is bad beyond the second.
-    pub(super) fn at_most(name: &'static str, value: f64, unit: &'static str, limits: [f64; 2]) -> Self {
-        let verdict = match value {
-            v if v > limits[1] => Verdict::Bad,
-            v if v > limits[0] => Verdict::Doubtful,
-            _ => Verdict::Good,
-        };
-        let limit = if verdict == Verdict::Bad { limits[1] } else { limits[0] };
-        Self { name, value, unit, bound: Bound::AtMost, limit, verdict, remedy: None }
-    }
-
-    /// The same check with what to do where it is not good.
-    pub(super) fn or(mut self, remedy: impl FnOnce() -> String) -> Self {
-        self.remedy = (self.verdict != Verdict::Good).then(remedy);
-        self
-    }
-
-    /// The check in a sentence: name, value, unit, limit, remedy.
-    pub fn told(&self) -> String {
-        let round = |v: f64| {
-            let digits = if v.abs() >= 100.0 || v.fract() == 0.0 { 0 } else { 2 };
-            format!("{v:.digits$}")
-        };
-        let bound = match self.bound {
-            Bound::AtMost => "the limit is",
-            Bound::AtLeast => "it must be at least",
-        };
-        let (name, unit) = (self.name.replace('_', " "), self.unit);
-        let remedy = self.remedy.as_ref().map_or_else(String::new, |r| format!("; {r}"));
-        format!("{name} is {} {unit}, {bound} {} {unit}{remedy}", round(self.value), round(self.limit))
-    }
-}
-
-/// What was found out about a view's quality.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ViewQuality {
-    /// The worst of the checks' verdicts.
-    pub verdict: Verdict,
-    /// Every check that could be made.
-    pub checks: Vec<Check>,
-}
-
-impl ViewQuality {
-    /// The quality that follows from checks.
-    pub fn of(checks: Vec<Check>) -> Self {
-        let verdict = checks.iter().map(|c| c.verdict).max().unwrap_or(Verdict::Good);
-        Self { verdict, checks }
-    }
-
-    /// Takes in more checks.
-    pub fn add(&mut self, checks: impl IntoIterator<Item = Check>) {
-        for check in checks {
-            self.verdict = self.verdict.max(check.verdict);
-            self.checks.push(check);
-        }
-    }
-
-    /// States anew at which ends of the picture (as [`super::Report::touches_border`]) the grain is cut off: before a
-    /// turntable only all views together tell whether it is the pedestal that reaches the bottom.
-    pub fn state_border(&mut self, touches: [bool; 4]) {
-        let stated = border(touches);
-        self.checks.iter_mut().filter(|c| c.name == stated.name).for_each(|c| *c = stated.clone());
-        *self = Self::of(std::mem::take(&mut self.checks));
-    }
-
-    /// What a person should know: value, unit, limit and remedy of each check that is not good.
-    pub fn warnings(&self) -> Vec<String> {
-        self.checks.iter().filter(|c| c.verdict != Verdict::Good).map(Check::told).collect()
-    }
-}
 
 /// Figures of a view that are compared with those of the views beside it.
 #[derive(Debug, Clone, PartialEq)]
@@ -184,6 +70,16 @@ impl Traits {
         ];
         self.top = (s.origin[1] + first) as f64 + depth;
         self.height = (last + 1 - first) as f64;
+    }
+}
+
+impl ViewQuality {
+    /// States anew at which ends of the picture (as [`crate::silhouette::Report::touches_border`]) the grain is cut off: before a
+    /// turntable only all views together tell whether it is the pedestal that reaches the bottom.
+    pub fn state_border(&mut self, touches: [bool; 4]) {
+        let stated = border(touches);
+        self.checks.iter_mut().filter(|c| c.name == stated.name).for_each(|c| *c = stated.clone());
+        *self = Self::of(std::mem::take(&mut self.checks));
     }
 }
 
