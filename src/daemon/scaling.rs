@@ -7,7 +7,7 @@ use crate::session::import::{SourceImage, photographs};
 use grainrig_core::calibrate::{Gauge, ScaleError, Sighting, fit_disc, fit_sides, pixel_size};
 use grainrig_core::formats::decode;
 use grainrig_core::geometry::Angle;
-use grainrig_core::silhouette::{self, Found, PedestalMode, Picture, Side, Source};
+use grainrig_core::silhouette::{self, PedestalMode, Picture, Segmentation, Side, Source};
 use std::path::PathBuf;
 
 /// How far all outlines may lie to one side of the true edge, as a share of their blur's standard deviation. Half-way
@@ -199,7 +199,7 @@ impl ScaleRequest {
         &self,
         picture: &Picture,
         background: Option<&dyn Source>,
-    ) -> Result<(Found, bool), String> {
+    ) -> Result<(Segmentation, bool), String> {
         let first = silhouette::find(picture, background, &self.silhouette);
         if self.body == BodyKind::Ball {
             return first.map(|f| (f, false)).map_err(|e| e.to_string());

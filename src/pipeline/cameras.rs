@@ -5,7 +5,7 @@ use super::result::AxisResult;
 use super::{Cameras, PipelineError, TurntableSettings};
 use grainrig_core::calibrate::{self, Calibration, Known, SeenView, Upright, calibrate};
 use grainrig_core::geometry::Projection;
-use grainrig_core::silhouette::{Silhouette, Stand, Verdict};
+use grainrig_core::silhouette::{PedestalConsensus, Silhouette, Verdict};
 
 /// The cameras, and what was measured to get them.
 pub(super) struct Measured {
@@ -22,7 +22,7 @@ pub(super) fn cameras_of(
     cameras: &Cameras,
     full_step_deg: f64,
     taken: &[Taken],
-    stand: Option<&Stand>,
+    stand: Option<&PedestalConsensus>,
     warnings: &mut Vec<String>,
 ) -> Result<Measured, PipelineError> {
     let table = match cameras {

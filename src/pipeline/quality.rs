@@ -6,18 +6,18 @@ use super::stream::CutOut;
 use super::{Cameras, Observer, Pipeline, PipelineError, View};
 use crate::session::event::Happening;
 use grainrig_core::geometry::Angle;
-use grainrig_core::silhouette::{Check, Placed, Traits, Verdict, ViewQuality, against, between};
+use grainrig_core::silhouette::{Check, Traits, Verdict, ViewQuality, ViewTraits, against, between};
 
 /// Sentences about single views in a result, at most; the views' own checks have them all.
 const MOST_WARNINGS: usize = 12;
 
 /// The views with their figures and, before a turntable, their angles.
-fn placed<'a>(cameras: &Cameras, taken: &'a [Taken]) -> Vec<(usize, Placed<'a>)> {
+fn placed<'a>(cameras: &Cameras, taken: &'a [Taken]) -> Vec<(usize, ViewTraits<'a>)> {
     let turns = matches!(cameras, Cameras::Turntable(_));
     (taken.iter().enumerate())
         .filter_map(|(k, t)| {
             let angle_deg = turns.then(|| t.angle.deg());
-            Some((k, Placed { index: t.index, angle_deg, traits: t.traits.as_ref()? }))
+            Some((k, ViewTraits { index: t.index, angle_deg, traits: t.traits.as_ref()? }))
         })
         .collect()
 }
@@ -25,13 +25,13 @@ fn placed<'a>(cameras: &Cameras, taken: &'a [Taken]) -> Vec<(usize, Placed<'a>)>
 /// Judges all views against each other and adds what comes out to each one's quality; tells of each view that does
 /// not fit, and returns what the result should say.
 pub(super) fn compare(cameras: &Cameras, taken: &mut [Taken], observer: &Observer) -> Vec<String> {
-    let (places, views): (Vec<usize>, Vec<Placed>) = placed(cameras, taken).into_iter().unzip();
+    let (places, views): (Vec<usize>, Vec<ViewTraits>) = placed(cameras, taken).into_iter().unzip();
     let checks = between(&views);
     for (k, checks) in places.into_iter().zip(checks) {
         let view = &mut taken[k];
         let Some(quality) = &mut view.quality else { continue };
         let warnings: Vec<String> =
-            checks.iter().filter(|c| c.verdict != Verdict::Good).map(Check::told).collect();
+            checks.iter().filter(|c| c.verdict != Verdict::Good).map(Check::sentence).collect();
         quality.add(checks);
         if !warnings.is_empty() {
             observer(Happening::Judged { view: view.index, verdict: quality.verdict, warnings });
@@ -75,16 +75,16 @@ impl<'a> Gate<'a> {
         let cut_out = self.pipeline.cut_out(index, bytes).map_err(|error| cause(&error))?;
         let turns = matches!(self.pipeline.cameras, Cameras::Turntable(_));
         let angle = |deg: f64| turns.then_some(deg);
-        let earlier: Vec<Placed> = (self.passed.iter())
-            .map(|(index, deg, traits)| Placed { index: *index, angle_deg: angle(*deg), traits })
+        let earlier: Vec<ViewTraits> = (self.passed.iter())
+            .map(|(index, deg, traits)| ViewTraits { index: *index, angle_deg: angle(*deg), traits })
             .collect();
         let own = cut_out.quality().into_iter().flat_map(|q| q.checks.iter().cloned());
         let beside = cut_out.traits().into_iter().flat_map(|traits| {
-            let here = Placed { index, angle_deg: angle(reached.deg()), traits };
+            let here = ViewTraits { index, angle_deg: angle(reached.deg()), traits };
             against(&earlier, &here)
         });
         let bad: Vec<String> =
-            own.chain(beside).filter(|c| c.verdict == Verdict::Bad).map(|c| c.told()).collect();
+            own.chain(beside).filter(|c| c.verdict == Verdict::Bad).map(|c| c.sentence()).collect();
         if !bad.is_empty() {
             return Err(bad.join("; "));
         }

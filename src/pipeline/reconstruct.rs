@@ -14,7 +14,7 @@ use grainrig_core::hull::{Cone, HullGrid, VisualHull, find_bounds, silhouette_io
 use grainrig_core::mesh::{Controls, TetMesh, mesh};
 use grainrig_core::plausible::{self, Doubt};
 use grainrig_core::report::{Sheet, Shot};
-use grainrig_core::silhouette::{Found, Silhouette, Stand, Traits, ViewQuality};
+use grainrig_core::silhouette::{PedestalConsensus, Segmentation, Silhouette, Traits, ViewQuality};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
@@ -37,7 +37,7 @@ pub struct Taken {
     /// The outline, shared with the hull.
     pub silhouette: Arc<Silhouette>,
     /// How it was found.
-    pub found: Found,
+    pub found: Segmentation,
     /// The grain's surroundings, where pictures were asked for.
     pub shot: Option<Shot>,
     /// How good it is; absent where nobody wants to know.
@@ -58,7 +58,7 @@ pub struct Reconstruction {
     /// The rotation axis, before a turntable.
     pub axis: Option<AxisResult>,
     /// The pedestal that all views share, where there is one before a turntable.
-    pub stand: Option<Stand>,
+    pub stand: Option<PedestalConsensus>,
     /// All that the views say of the rig, before a turntable.
     pub calibration: Option<Calibration>,
     /// Measures of the hull.
@@ -151,7 +151,7 @@ pub(super) fn reconstruct(
     settings: &Settings,
     (cameras, full_step_deg): (&Cameras, f64),
     taken: &[Taken],
-    (stand, mut warnings): (Option<Stand>, Vec<String>),
+    (stand, mut warnings): (Option<PedestalConsensus>, Vec<String>),
     observer: &Observer,
 ) -> Result<Reconstruction, PipelineError> {
     let working = |stage: &str, done: f64| observer(Happening::Working { stage: stage.into(), done });

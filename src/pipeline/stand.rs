@@ -3,7 +3,7 @@
 use super::{Cameras, PipelineError, Taken};
 use crate::session::event::Role;
 use grainrig_core::geometry::Point;
-use grainrig_core::silhouette::{PedestalSeen, Side, Stand, joint_stand};
+use grainrig_core::silhouette::{PedestalConsensus, PedestalOutline, Side, pedestal_consensus};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -26,12 +26,16 @@ pub struct ContactPatch {
 }
 
 /// How high above the pedestal's top the outline is mixed with its light, pixels.
-pub(super) fn mixed_px(stand: &Stand) -> f64 {
+pub(super) fn mixed_px(stand: &PedestalConsensus) -> f64 {
     (MIXED * stand.blur_px.value).max(LEAST_MIXED_PX)
 }
 
 /// The contact patch of a hull's surface, whose triangles are counter-clockwise seen from outside, in mm.
-pub(super) fn contact_patch(stand: &Stand, mm_per_px: f64, surface: &[[Point; 3]]) -> ContactPatch {
+pub(super) fn contact_patch(
+    stand: &PedestalConsensus,
+    mm_per_px: f64,
+    surface: &[[Point; 3]],
+) -> ContactPatch {
     let height_mm = mixed_px(stand) * mm_per_px;
     let (mut area_mm2, mut low, mut all) = (0.0, 0.0, 0.0);
     for [a, b, c] in surface {
@@ -53,12 +57,12 @@ pub(super) fn contact_patch(stand: &Stand, mm_per_px: f64, surface: &[[Point; 3]
 pub(super) fn recut(
     cameras: &Cameras,
     taken: &mut [Taken],
-) -> Result<(Option<Stand>, Vec<String>), PipelineError> {
+) -> Result<(Option<PedestalConsensus>, Vec<String>), PipelineError> {
     if !matches!(cameras, Cameras::Turntable(_)) {
         return Ok((None, Vec::new()));
     }
-    let seen: Vec<Option<PedestalSeen>> = taken.iter().map(|t| t.found.report.pedestal).collect();
-    let stand = joint_stand(&seen);
+    let seen: Vec<Option<PedestalOutline>> = taken.iter().map(|t| t.found.report.pedestal).collect();
+    let stand = pedestal_consensus(&seen);
     let mut warnings = Vec::new();
     if let Some(stand) = &stand {
         for one in taken.iter_mut() {
@@ -92,12 +96,12 @@ pub(super) fn recut(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use grainrig_core::silhouette::Joint;
+    use grainrig_core::silhouette::ConsensusValue;
 
     #[test]
     fn a_box_has_its_foot_in_its_contact_patch() {
-        let figure = |value| Joint { value, sd: 0.0 };
-        let stand = Stand {
+        let figure = |value| ConsensusValue { value, sd: 0.0 };
+        let stand = PedestalConsensus {
             top_row_px: figure(100.0),
             top_slope: figure(0.0),
             centre_column_px: figure(50.0),

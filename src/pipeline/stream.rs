@@ -10,7 +10,7 @@ use grainrig_core::formats::Photograph;
 use grainrig_core::geometry::{Aabb, Angle, Point};
 use grainrig_core::hull::{Cone, HullGrid};
 use grainrig_core::report::Shot;
-use grainrig_core::silhouette::{self, Found, Source, Traits, ViewQuality};
+use grainrig_core::silhouette::{self, Segmentation, Source, Traits, ViewQuality};
 use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -64,7 +64,7 @@ impl View {
 /// What a picture's bytes say by themselves, whichever view they are of.
 #[derive(Debug, Clone)]
 pub struct CutOut {
-    found: Found,
+    found: Segmentation,
     shot: Option<Shot>,
     quality: Option<ViewQuality>,
     traits: Option<Traits>,

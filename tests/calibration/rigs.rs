@@ -5,7 +5,7 @@ use grainrig::rig::{Camera as _, RotationStage as _};
 use grainrig_core::calibrate::{Axis, Calibration, Known, Measured, SeenView, Upright, calibrate};
 use grainrig_core::formats::decode;
 use grainrig_core::geometry::Angle;
-use grainrig_core::silhouette::{self, Found, PedestalSeen, joint_stand};
+use grainrig_core::silhouette::{self, PedestalOutline, Segmentation, pedestal_consensus};
 use rayon::prelude::*;
 use std::path::PathBuf;
 
@@ -131,9 +131,9 @@ pub fn misread(seed: u64) -> (Settings, Option<f64>) {
 /// A session: all views, and the truth behind them.
 pub struct Captured {
     pub angles: Vec<Angle>,
-    pub found: Vec<Found>,
+    pub found: Vec<Segmentation>,
     /// The pedestal as each view saw it by itself.
-    pub own: Vec<Option<PedestalSeen>>,
+    pub own: Vec<Option<PedestalOutline>>,
     pub truth: Truth,
 }
 
@@ -158,15 +158,15 @@ pub fn capture_views(settings: &Settings, views: usize) -> Result<Captured, Stri
         pictures.push(camera.capture().map_err(|e| e.to_string())?.bytes);
         angles.push(angle);
     }
-    let mut found: Vec<Found> = (pictures.par_iter())
+    let mut found: Vec<Segmentation> = (pictures.par_iter())
         .map(|bytes| {
             let picture = decode(bytes)?;
             silhouette::find(&picture, None, &silhouette::Settings::default()).map_err(|e| e.to_string())
         })
         .collect::<Result<_, String>>()?;
     // As in the pipeline: every view is cut where all of them show the pedestal's top.
-    let seen: Vec<Option<PedestalSeen>> = found.iter().map(|f| f.report.pedestal).collect();
-    if let Some(stand) = joint_stand(&seen) {
+    let seen: Vec<Option<PedestalOutline>> = found.iter().map(|f| f.report.pedestal).collect();
+    if let Some(stand) = pedestal_consensus(&seen) {
         for f in &mut found {
             f.recut(stand.seen_by(f.report.pedestal));
         }

@@ -1,6 +1,6 @@
 //! A round body's outline in one picture: centre and radius between pixels, with their uncertainty.
 
-use crate::silhouette::{PedestalSeen, Silhouette};
+use crate::silhouette::{PedestalOutline, Silhouette};
 use nalgebra::{DMatrix, DVector};
 
 /// Outlines of a smaller radius say too little about the size of a pixel, pixels.
@@ -103,7 +103,7 @@ pub enum BallError {
 ///
 /// # Errors
 /// [`BallError`] where the body is too small, hidden too far, or not round.
-pub fn fit_disc(silhouette: &Silhouette, pedestal: Option<&PedestalSeen>) -> Result<Disc, BallError> {
+pub fn fit_disc(silhouette: &Silhouette, pedestal: Option<&PedestalOutline>) -> Result<Disc, BallError> {
     let points = seen(silhouette, pedestal);
     let shown = shown(&points);
     if shown < LEAST_SHOWN {
@@ -169,7 +169,7 @@ pub(super) fn crossings(s: &Silhouette) -> Vec<[f64; 2]> {
 }
 
 /// The outline's points that are the ball's alone, in the order of their direction from the middle.
-fn seen(silhouette: &Silhouette, pedestal: Option<&PedestalSeen>) -> Vec<[f64; 2]> {
+fn seen(silhouette: &Silhouette, pedestal: Option<&PedestalOutline>) -> Vec<[f64; 2]> {
     let mut points = crossings(silhouette);
     let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
     for p in &points {
@@ -343,7 +343,7 @@ mod tests {
         (x - 203.37).hypot(y - 190.81) - 120.43
     }
 
-    const PEDESTAL: PedestalSeen = PedestalSeen {
+    const PEDESTAL: PedestalOutline = PedestalOutline {
         top_row: 350.0,
         top_slope: 0.0,
         centre_column: 303.0,

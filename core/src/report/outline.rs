@@ -2,7 +2,7 @@
 
 use super::bitmap::Bitmap;
 use super::canvas::{Anchor, Canvas as _, Ink, LETTER, LINE};
-use crate::silhouette::{PedestalSeen, Silhouette, Source};
+use crate::silhouette::{PedestalOutline, Silhouette, Source};
 
 /// Longest side of a drawn picture, pixels: small enough for a page of 26 of them.
 const LONGEST: usize = 1000;
@@ -37,7 +37,7 @@ pub struct Shot {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Marks<'a> {
     /// The pedestal that was cut off.
-    pub pedestal: Option<&'a PedestalSeen>,
+    pub pedestal: Option<&'a PedestalOutline>,
     /// The rotation axis: a place on it (column, row) and the roll, radians.
     pub axis: Option<([f64; 2], f64)>,
     /// What stands below the picture.

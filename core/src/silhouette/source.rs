@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// Cells of `factor` by `factor` pixels, from a place in the picture on.
+/// Cells of `factor` by `factor` pixels, from a pixel of the picture on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Grid {
     /// Pixels per cell, a side.
@@ -49,7 +49,7 @@ pub trait Source: Sync {
 
 /// The longer side of the small copy, cells, at most.
 const LONGEST: usize = 600;
-/// Rows read of each cell: more would cost bytes and tell nothing new.
+/// Rows read of each cell: more would cost bytes and add nothing.
 const ROWS_READ: usize = 4;
 
 impl Source for Picture {

@@ -25,7 +25,7 @@ const LEAST_STEP: f64 = 0.12;
 /// Least share of the columns that must show it, within this many pixels of one line.
 const LEAST_SEEN: f64 = 0.3;
 const LINE_TOLERANCE: f64 = 1.0;
-/// Sides at least this many times as long as the pedestal is wide tell its lean better than its top does.
+/// Sides at least this many times as long as the pedestal is wide determine its lean better than its top does.
 const LONG_SIDES: f64 = 1.0;
 /// Sides at least this many times as long are a pedestal's even where its top does not show.
 const SURE_SIDES: f64 = 0.5;

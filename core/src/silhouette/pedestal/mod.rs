@@ -15,7 +15,7 @@ mod find;
 mod uncut;
 mod unmix;
 
-pub use consensus::{Joint, Stand, joint_stand};
+pub use consensus::{ConsensusValue, PedestalConsensus, pedestal_consensus};
 pub(super) use find::find;
 pub use uncut::Uncut;
 pub(super) use unmix::{smoothed, unmix};

@@ -1,7 +1,7 @@
 //! The outline about a pedestal's top as it was before the cut.
 
 use crate::silhouette::outline::Field;
-use crate::silhouette::{PedestalSeen, Silhouette};
+use crate::silhouette::{PedestalOutline, Silhouette};
 
 /// Rows above and below the top for which the outline before the cut is kept.
 const ROWS: usize = 24;
@@ -28,14 +28,14 @@ impl Uncut {
 
 impl Silhouette {
     /// Width of the outline along the line one pixel above a pedestal's top, pixels.
-    pub(in crate::silhouette) fn width_above(&self, stand: &PedestalSeen) -> f64 {
+    pub(in crate::silhouette) fn width_above(&self, pedestal: &PedestalOutline) -> f64 {
         const STEP: f64 = 0.125;
         let first = self.origin[0] as f64;
-        let row = |x: f64| stand.top_row - 1.0 + stand.top_slope * (x - stand.centre_column);
+        let row = |x: f64| pedestal.top_row - 1.0 + pedestal.top_slope * (x - pedestal.centre_column);
         let steps = (self.size[0] as f64 / STEP) as usize;
         let inside = (0..steps)
             .map(|k| first + STEP * k as f64)
             .filter(|&x| self.signed_distance_px([x, row(x)]) < 0.0);
-        inside.count() as f64 * STEP * stand.top_slope.hypot(1.0)
+        inside.count() as f64 * STEP * pedestal.top_slope.hypot(1.0)
     }
 }

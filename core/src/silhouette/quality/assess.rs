@@ -1,13 +1,13 @@
-//! Whether a picture is good enough to carve with: figures, their limits, and what to do where one is broken.
+//! Quality of one view by itself: blur, motion blur, clipping, contrast, their limits and remedies.
 //!
-//! This file judges one picture by itself; [`super::neighbours`] judges it against the pictures beside it.
+//! [`super::neighbours`] compares a view with the views beside it.
 
-use super::edge::{self, Edge, Part};
-use super::smear::{self, Smear};
+use super::edge::{self, Crop, Edge};
+use super::motion_blur::{self, MotionBlur};
 use super::{Bound, Check, Verdict, ViewQuality};
-use crate::silhouette::{Found, Polarity, Side, Silhouette, Source};
+use crate::silhouette::{Polarity, Segmentation, Side, Silhouette, Source};
 
-/// A blur of this share of the grain's diameter is doubtful, of the other bad. Half-way levels place a blurred
+/// A blur of this share of the grain's diameter is doubtful, of the other bad. Half-way levels put a blurred
 /// outline of radius R about σ²/2R too far inside, and round corners off to a radius of σ: at 2.5 % the radius is
 /// 0.13 % and the volume 0.4 % too small, at 5 % the volume is 1.5 % too small.
 const BLUR_SHARE: [f64; 2] = [0.025, 0.05];
@@ -60,7 +60,7 @@ impl Traits {
         let spans = || extents.iter().flatten();
         let first = extents.iter().position(Option::is_some).unwrap_or(0);
         let last = extents.iter().rposition(Option::is_some).unwrap_or(0);
-        // The deepest pixel of the first row lies as far below the outline's top as its distance says.
+        // The deepest pixel of the first row lies as far below the outline's top as its distance.
         let line = &s.distance_px[first * s.size[0]..(first + 1) * s.size[0]];
         let depth = f64::from(line.iter().copied().fold(0.0, f32::min));
         self.filled_px = spans().map(|[left, right]| right - left).sum();
@@ -75,7 +75,7 @@ impl Traits {
 
 impl ViewQuality {
     /// States anew at which ends of the picture (as [`crate::silhouette::Report::touches_border`]) the grain is cut off: before a
-    /// turntable only all views together tell whether it is the pedestal that reaches the bottom.
+    /// turntable only all views together show whether it is the pedestal that reaches the bottom.
     pub fn state_border(&mut self, touches: [bool; 4]) {
         let stated = border(touches);
         self.checks.iter_mut().filter(|c| c.name == stated.name).for_each(|c| *c = stated.clone());
@@ -85,13 +85,13 @@ impl ViewQuality {
 
 /// Judges a picture by itself; also its figures for [`between`](super::between()). Reads only the pixels within a few
 /// dozen of the outline.
-pub fn assess(picture: &dyn Source, found: &Found) -> (ViewQuality, Traits) {
-    let part = Part::of(picture, found);
-    let edge = edge::measure(&part, found);
+pub fn assess(picture: &dyn Source, found: &Segmentation) -> (ViewQuality, Traits) {
+    let crop = Crop::of(picture, found);
+    let edge = edge::measure(&crop, found);
     let report = &found.report;
     let diameter_px = (4.0 * report.area_px / std::f64::consts::PI).sqrt().max(1.0);
     let mut checks = vec![focus(&edge, diameter_px)];
-    checks.extend(smear::measure(&part, found).map(|smear| motion(&smear, diameter_px)));
+    checks.extend(motion_blur::measure(&crop, found).map(|blur| motion(&blur, diameter_px)));
     checks.push(clipping(&edge, report.polarity));
     checks.push(border(report.touches_border));
     checks.push(contrast(report.contrast, report.noise));
@@ -105,7 +105,7 @@ pub fn assess(picture: &dyn Source, found: &Found) -> (ViewQuality, Traits) {
         columns: [0.0; 2],
         top: 0.0,
         height: 0.0,
-        pixels: fingerprint(&part, found),
+        pixels: fingerprint(&crop, found),
     };
     traits.take_outline(&found.silhouette);
     (ViewQuality::of(checks), traits)
@@ -122,8 +122,8 @@ fn focus(edge: &Edge, diameter_px: f64) -> Check {
     })
 }
 
-fn motion(smear: &Smear, diameter_px: f64) -> Check {
-    let Smear { softest_px, sharpest_px, softest_deg } = *smear;
+fn motion(blur: &MotionBlur, diameter_px: f64) -> Check {
+    let MotionBlur { softest_px, sharpest_px, softest_deg } = *blur;
     let limits =
         [0, 1].map(|k| MOTION_PX[k].max(MOTION_OF_BLUR[k] * sharpest_px).max(MOTION_SHARE[k] * diameter_px));
     Check::at_most("motion", softest_px - sharpest_px, "px", limits).or(|| {
@@ -191,7 +191,7 @@ fn contrast(contrast: f64, noise: f64) -> Check {
 
 /// A number of the pixels in the silhouette's rectangle and of where it lies (FNV-1a's steps on eight bytes at a
 /// time): two pictures with the same number show the same pixels.
-fn fingerprint(part: &Part, found: &Found) -> u64 {
+fn fingerprint(crop: &Crop, found: &Segmentation) -> u64 {
     const PRIME: u64 = 0x0000_0100_0000_01b3;
     let s = &found.silhouette;
     let mut sum = 0xcbf2_9ce4_8422_2325_u64;
@@ -203,7 +203,7 @@ fn fingerprint(part: &Part, found: &Found) -> u64 {
         mix(*v as u64);
     }
     for y in s.origin[1]..s.origin[1] + s.size[1] {
-        for word in part.row(y, &(s.origin[0]..s.origin[0] + s.size[0])).chunks(8) {
+        for word in crop.row(y, &(s.origin[0]..s.origin[0] + s.size[0])).chunks(8) {
             let mut bytes = [0; 8];
             bytes[..word.len()].copy_from_slice(word);
             mix(u64::from_le_bytes(bytes));

@@ -63,7 +63,7 @@ impl Check {
     }
 
     /// The check in a sentence: name, value, unit, limit, remedy.
-    pub fn told(&self) -> String {
+    pub fn sentence(&self) -> String {
         let round = |v: f64| {
             let digits = if v.abs() >= 100.0 || v.fract() == 0.0 { 0 } else { 2 };
             format!("{v:.digits$}")
@@ -104,6 +104,6 @@ impl ViewQuality {
 
     /// What a person should know: value, unit, limit and remedy of each check that is not good.
     pub fn warnings(&self) -> Vec<String> {
-        self.checks.iter().filter(|c| c.verdict != Verdict::Good).map(Check::told).collect()
+        self.checks.iter().filter(|c| c.verdict != Verdict::Good).map(Check::sentence).collect()
     }
 }

@@ -3,11 +3,11 @@
 mod assess;
 mod check;
 mod edge;
+mod motion_blur;
 mod neighbours;
 mod sharpness;
-mod smear;
 
 pub use assess::{Traits, assess};
 pub use check::{Bound, Check, Verdict, ViewQuality};
-pub use neighbours::{Placed, against, between};
+pub use neighbours::{ViewTraits, against, between};
 pub use sharpness::sharpness;
