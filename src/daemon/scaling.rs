@@ -4,7 +4,7 @@ use super::DaemonError;
 use super::scale_file::{BodyKind, PictureScale, ScaleFile};
 use crate::pipeline::PipelineError;
 use crate::session::import::{SourceImage, photographs};
-use grainrig_core::calibrate::{Gauge, ScaleError, Sighting, fit_disc, fit_sides, pixel_size};
+use grainrig_core::calibrate::{Artefact, Observation, ScaleError, fit_disc, fit_sides, pixel_size};
 use grainrig_core::formats::decode;
 use grainrig_core::geometry::Angle;
 use grainrig_core::silhouette::{self, PedestalMode, Picture, Segmentation, Side, Source};
@@ -73,7 +73,7 @@ pub fn calibrate_scale(request: &ScaleRequest) -> Result<ScaleFile, DaemonError>
         warnings.extend(said.into_iter().map(|w| format!("{}: {w}", image.name)));
     }
     let middle = |size: u32| 0.5 * (f64::from(size) - 1.0);
-    let gauge = Gauge {
+    let gauge = Artefact {
         diameter_mm: request.diameter_mm,
         tolerance_mm: request.tolerance_mm,
         camera_distance_mm: request.camera_distance_mm,
@@ -135,7 +135,7 @@ impl ScaleRequest {
         image: &SourceImage,
         background: Option<&Picture>,
         angle: Option<Angle>,
-    ) -> Result<(Sighting, PictureScale, Vec<String>), DaemonError> {
+    ) -> Result<(Observation, PictureScale, Vec<String>), DaemonError> {
         let fail = |reason: String| DaemonError::Body { file: image.name.clone(), reason };
         let picture = picture(image)?;
         let (found, cut_below) =
@@ -171,7 +171,7 @@ impl ScaleRequest {
                 (sides.half_width_px, sides.sigma_px, sides.residual_px, sides.center_px, None)
             }
         };
-        let sighting = Sighting {
+        let sighting = Observation {
             radius_px,
             sigma_px,
             center_px,

@@ -3,7 +3,7 @@
 use super::reconstruct::Taken;
 use super::result::AxisResult;
 use super::{Cameras, PipelineError, TurntableSettings};
-use grainrig_core::calibrate::{self, Calibration, Known, SeenView, Upright, calibrate};
+use grainrig_core::calibrate::{self, Calibration, Known, PedestalObservation, SeenView, calibrate};
 use grainrig_core::geometry::Projection;
 use grainrig_core::silhouette::{PedestalConsensus, Silhouette, Verdict};
 
@@ -53,7 +53,7 @@ pub(super) fn cameras_of(
             silhouette: &t.silhouette,
             bad: t.quality.as_ref().is_some_and(|q| q.verdict == Verdict::Bad),
             // Its lean as this view saw it: a tilted tube leans now to one side, now to the other.
-            pedestal: stand.and_then(|s| s.own.get(k).copied().flatten()).map(|p| Upright {
+            pedestal: stand.and_then(|s| s.own.get(k).copied().flatten()).map(|p| PedestalObservation {
                 top_px: [p.centre_column, p.top_row],
                 lean_rad: -p.top_slope.atan(),
                 length_px: p.side_px(t.silhouette.picture[1]),

@@ -136,9 +136,9 @@ fn camera_in_words(c: &Calibration) -> String {
         figure("axis at", &c.axis_column_px, " px", 2),
         figure("roll", &c.roll_deg, "°", 3),
         figure("distance", &c.camera_distance_mm, " mm", 1),
-        c.camera_distance_says,
+        c.camera_distance_note,
         figure("rays rise", &c.elevation_deg, "°", 2),
-        c.wobble_px,
+        c.radial_runout_px,
         c.residual_px
     )
 }

@@ -2,7 +2,9 @@
 
 use grainrig::rig::simulated::{Faults, Settings, Slip, Truth, open};
 use grainrig::rig::{Camera as _, RotationStage as _};
-use grainrig_core::calibrate::{Axis, Calibration, Known, Measured, SeenView, Upright, calibrate};
+use grainrig_core::calibrate::{
+    Axis, Calibration, Known, Measured, PedestalObservation, SeenView, calibrate,
+};
 use grainrig_core::formats::decode;
 use grainrig_core::geometry::Angle;
 use grainrig_core::silhouette::{self, PedestalOutline, Segmentation, pedestal_consensus};
@@ -202,7 +204,7 @@ pub fn calibrated(captured: &Captured, known: &Known) -> (Calibration, Axis) {
             angle: captured.angles[index],
             silhouette: &f.silhouette,
             bad: false,
-            pedestal: captured.own[index].map(|p| Upright {
+            pedestal: captured.own[index].map(|p| PedestalObservation {
                 top_px: [p.centre_column, p.top_row],
                 lean_rad: -p.top_slope.atan(),
                 length_px: p.side_px(f.silhouette.picture[1]),
