@@ -1,6 +1,6 @@
 //! The visual hull: the largest body that all silhouettes allow, and its measures.
 //!
-//! A place belongs to the hull when every view sees it inside the silhouette. The hull is the intersection of
+//! A point belongs to the hull when every view sees it inside the silhouette. The hull is the intersection of
 //! the views' cones (Laurentini 1994), an upper bound of the grain: what no view can see stays filled.
 //! [`HullGrid`] takes views before any camera, one by one; [`slices`] is exact before level parallel rays.
 
@@ -21,7 +21,7 @@ pub use reproject::silhouette_iou;
 
 use crate::geometry::{Aabb, ImplicitBody, Point};
 
-/// The hull as a function of the place, without a grid: the greatest signed distance over the views.
+/// The hull as a function of the point, without a grid: the greatest signed distance over the views.
 #[derive(Debug, Clone)]
 pub struct VisualHull {
     /// The views.
