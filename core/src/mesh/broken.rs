@@ -11,7 +11,7 @@ fn figure(x: f64) -> String {
     "{name} = {} {unit} could not be kept: the last mesh tried has {} {unit} ({what}); {remedy}",
     figure(*promised), figure(*reached)
 )]
-pub struct Broken {
+pub struct BrokenControl {
     /// The control.
     pub name: &'static str,
     /// What was asked for.
@@ -26,7 +26,7 @@ pub struct Broken {
     pub remedy: &'static str,
 }
 
-impl Broken {
+impl BrokenControl {
     /// Makes the next attempt's spacings (surface, contact, volume) finer, each a factor of what it was.
     pub(super) fn refine(&self, finer: &mut [f64; 3]) {
         match self.name {

@@ -1,6 +1,6 @@
 //! The three controls of a mesh, which are promises.
 
-use super::broken::Broken;
+use super::broken::BrokenControl;
 use super::{MeshError, Quality};
 use serde::{Deserialize, Serialize};
 
@@ -26,7 +26,7 @@ pub struct Controls {
     /// Largest distance between the mesh's surface and the body's, either way, mm; `None`: not promised.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distance_mm: Option<f64>,
-    /// Largest circumradius of a surface facet where plates will touch the body, at its lowest and highest places in z,
+    /// Largest circumradius of a surface facet where plates will touch the body, at its lowest and highest points in z,
     /// mm; from there the elements grow into the body. `None`: as everywhere.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub size_at_contact_mm: Option<f64>,
@@ -96,9 +96,9 @@ impl Controls {
     }
 
     /// The promised distance, where the largest distance breaks it.
-    pub(super) fn too_far(&self, reached: f64) -> Option<Broken> {
+    pub(super) fn too_far(&self, reached: f64) -> Option<BrokenControl> {
         let promised = self.distance_mm.filter(|promised| reached > *promised)?;
-        Some(Broken {
+        Some(BrokenControl {
             name: "distance_mm",
             promised,
             reached,
@@ -109,9 +109,9 @@ impl Controls {
     }
 
     /// The first control that a mesh of this quality breaks, whose largest facet at the contacts has this circumradius.
-    pub(super) fn broken_by(&self, quality: &Quality, at_contact_mm: Option<f64>) -> Option<Broken> {
+    pub(super) fn broken_by(&self, quality: &Quality, at_contact_mm: Option<f64>) -> Option<BrokenControl> {
         if quality.facet_circumradius_mm > self.surface_size_mm {
-            return Some(Broken {
+            return Some(BrokenControl {
                 name: "surface_size_mm",
                 promised: self.surface_size_mm,
                 reached: quality.facet_circumradius_mm,
@@ -123,7 +123,7 @@ impl Controls {
         if let (Some(promised), Some(reached)) = (self.size_at_contact_mm, at_contact_mm)
             && reached > promised
         {
-            return Some(Broken {
+            return Some(BrokenControl {
                 name: "size_at_contact_mm",
                 promised,
                 reached,
@@ -133,7 +133,7 @@ impl Controls {
             });
         }
         if quality.tet_volume_mm3 > self.tet_volume_mm3 {
-            return Some(Broken {
+            return Some(BrokenControl {
                 name: "tet_volume_mm3",
                 promised: self.tet_volume_mm3,
                 reached: quality.tet_volume_mm3,
@@ -142,7 +142,7 @@ impl Controls {
                 remedy: "set it larger",
             });
         }
-        (quality.facet_angle_deg < self.facet_angle_deg).then_some(Broken {
+        (quality.facet_angle_deg < self.facet_angle_deg).then_some(BrokenControl {
             name: "facet_angle_deg",
             promised: self.facet_angle_deg,
             reached: quality.facet_angle_deg,

@@ -2,14 +2,14 @@
 
 use rayon::prelude::*;
 
-/// The faces of a tetrahedron as places in its list of nodes, counter-clockwise seen from outside, in the
+/// The faces of a tetrahedron as indices into its list of nodes, counter-clockwise seen from outside, in the
 /// order of Abaqus' and `CalculiX`' S1 to S4.
 pub const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
 
 /// Nodes whose faces one piece of parallel work sorts.
 const NODES_AT_A_TIME: usize = 2048;
 
-/// A face: its middle and greatest node, and four times its tetrahedron plus its place in [`FACES`].
+/// A face: its middle and greatest node, and four times its tetrahedron plus its index in [`FACES`].
 type Entry = (u32, u32, u32);
 
 /// Every face of some tetrahedra, equal faces side by side, in an order that does not depend on threads. Linear in the
@@ -32,7 +32,7 @@ impl Group<'_> {
     pub(super) fn len(&self) -> usize {
         self.entries.len()
     }
-    /// The tetrahedron and the place of the face in [`FACES`].
+    /// The tetrahedron and the index of the face in [`FACES`].
     pub(super) fn side(&self, i: usize) -> (u32, u8) {
         (self.entries[i].2 >> 2, (self.entries[i].2 & 3) as u8)
     }

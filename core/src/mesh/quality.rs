@@ -4,7 +4,7 @@ use super::{TetMesh, score};
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// The quality of a mesh; every figure is an extreme over the whole mesh unless it says otherwise.
+/// The quality of a mesh; every figure is an extreme over the whole mesh unless otherwise stated.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Quality {
     /// Angles between the faces of tetrahedra, degrees; a regular tetrahedron has 70.5.

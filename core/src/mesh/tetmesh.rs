@@ -16,7 +16,7 @@ use crate::geometry::{MeshFault, Point, TriangleMesh};
 /// ```
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TetMesh {
-    /// Places, mm.
+    /// Positions, mm.
     pub nodes: Vec<Point>,
     /// Node numbers of each tetrahedron, from 0.
     pub tets: Vec<[u32; 4]>,
@@ -31,7 +31,7 @@ pub struct Surface {
     pub triangles: TriangleMesh,
     /// The mesh's node number of each vertex of the surface, rising.
     pub nodes: Vec<u32>,
-    /// For each triangle its tetrahedron and the place of its face in [`super::FACES`].
+    /// For each triangle its tetrahedron and the index of its face in [`super::FACES`].
     pub faces: Vec<(u32, u8)>,
 }
 
@@ -62,7 +62,7 @@ pub enum TetFault {
 }
 
 impl TetMesh {
-    /// From nodes (mm) and tetrahedra; [`TetMesh::check`] says whether they are a mesh.
+    /// From nodes (mm) and tetrahedra; [`TetMesh::check`] shows whether they are a mesh.
     pub fn new(nodes: Vec<Point>, tets: Vec<[u32; 4]>) -> Self {
         Self { nodes, tets, dropped_pieces: 0 }
     }

@@ -9,7 +9,7 @@ use crate::hull::{Cone, HullError, HullGrid, VisualHull, find_bounds};
 use std::sync::Arc;
 
 /// Cells along the hull's longest edge: of the grid whose surface is sampled, of the lattice for the search, and of
-/// the one that tells the centroid.
+/// the one for the centroid.
 const SURFACE_CELLS: f64 = 64.0;
 const FIELD_CELLS: usize = 72;
 const MOMENT_CELLS: usize = 40;
@@ -80,7 +80,7 @@ impl Pose {
     }
 }
 
-/// Places evenly spread over the area of the triangles that `keep`s.
+/// Points evenly spread over the area of the triangles that `keep`s.
 fn sampled(triangles: &[[Point; 3]], keep: impl Fn(&Point) -> bool) -> Vec<Point> {
     let middle = |[a, b, c]: &[Point; 3]| Point::from((a.coords + b.coords + c.coords) / 3.0);
     let kept: Vec<(Point, f64)> = (triangles.iter())

@@ -27,7 +27,7 @@ impl PoseView {
         Cone::new(self.projection.clone(), silhouette)
     }
 
-    /// Whether the view shows this place's surroundings, `margin_px` above its cut.
+    /// Whether the view shows this point's surroundings, `margin_px` above its cut.
     pub(super) fn shows(&self, p: &Point, margin_px: f64) -> bool {
         let Some(cut) = &self.cut else { return true };
         self.projection.project(p).is_some_and(|q| cut.above_px(q) > margin_px)

@@ -48,7 +48,7 @@ pub enum StudyError {
     Mesh {
         /// How many views.
         views: usize,
-        /// What the mesher says.
+        /// The mesher's message.
         error: MeshError,
     },
 }

@@ -39,7 +39,7 @@ pub(super) fn stage(folder: &Path, number: usize, mesh: &TetMesh, press: &Press)
             s.time_s
         )
     }));
-    vtu::write_told(&deformed, &told, &nodal, &cells, &mut grid)?;
+    vtu::write_commented(&deformed, &told, &nodal, &cells, &mut grid)?;
     write_whole(folder, &format!("stage_{number:02}.vtu"), &grid)?;
 
     let Some(sample) = press.samples().last() else { return Ok(()) };
