@@ -24,9 +24,9 @@ impl From<&Material> for Moduli {
     }
 }
 
-/// What a batch says beside its forces.
+/// The output of a batch of elements beside its forces.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Said {
+pub(super) struct BatchOutput {
     /// Volume over that in the mesh.
     pub volume_ratio: Lane,
     /// What bulk viscosity took, N·mm.
@@ -52,12 +52,12 @@ fn all_cofactors(f: &Matrices) -> (Matrices, Lane) {
 pub(super) fn forces<const VISCOUS: bool>(
     moduli: &Moduli,
     batch: &Batch,
-    places: &[Node],
+    positions: &[Node],
     before: &mut Lane,
     step_s: f64,
     out: &mut [Node],
-) -> Said {
-    let f = gradients(batch, &edges(batch, places));
+) -> BatchOutput {
+    let f = gradients(batch, &edges(batch, positions));
     let (cofactor, determinant) = all_cofactors(&f);
     let log = determinant.map(f64::ln);
     let mut stress = [[0.0; W]; 9];
@@ -76,12 +76,12 @@ pub(super) fn forces<const VISCOUS: bool>(
         }
     }
     scatter(batch, &stress, out);
-    Said { volume_ratio: determinant, viscous_n_mm: if VISCOUS { sum(&viscous) } else { 0.0 } }
+    BatchOutput { volume_ratio: determinant, viscous_n_mm: if VISCOUS { sum(&viscous) } else { 0.0 } }
 }
 
 /// The energy stored in a batch, N·mm.
-pub(super) fn energy(moduli: &Moduli, batch: &Batch, places: &[Node]) -> f64 {
-    let f = gradients(batch, &edges(batch, places));
+pub(super) fn energy(moduli: &Moduli, batch: &Batch, positions: &[Node]) -> f64 {
+    let f = gradients(batch, &edges(batch, positions));
     let (_, determinant) = all_cofactors(&f);
     (0..W)
         .map(|l| {

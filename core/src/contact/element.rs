@@ -4,7 +4,7 @@ use super::Material;
 use super::lanes::{Node, cofactors};
 use nalgebra::{Matrix3, Matrix6};
 
-/// Squarings of a matrix A: the trace of A²⁵⁶ tells its largest eigenvalue to 6^(1/256), 0.7 %, from above.
+/// Squarings of a matrix A: the trace of A²⁵⁶ bounds its largest eigenvalue to 6^(1/256), 0.7 %, from above.
 const SQUARINGS: u32 = 8;
 
 fn edge_matrix(p: &[Node; 4]) -> [f64; 9] {
@@ -32,7 +32,7 @@ pub(super) fn shape_gradients(p: &[Node; 4]) -> [f64; 9] {
 /// The stable step of a four-node tetrahedron by itself with a quarter of its mass at each node, s; at most 0.4 % too small.
 ///
 /// The eigenvalues are those of the strain's map σ → C : sym(σ G), G = Σ ∇N ∇Nᵀ over the four nodes, times 4/ρ.
-pub(super) fn element_s(material: &Material, p: &[Node; 4]) -> f64 {
+pub(super) fn critical_time_step_s(material: &Material, p: &[Node; 4]) -> f64 {
     let b = shape_gradients(p);
     let mut g = Matrix3::zeros();
     let mut first = nalgebra::Vector3::zeros();

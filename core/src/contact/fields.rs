@@ -52,7 +52,7 @@ fn fields(body: &Body, dynamics: &Dynamics) -> Fields {
     let parts: Vec<Vec<([f64; 6], f64)>> = (body.chunks.par_iter())
         .zip(&dynamics.chunks)
         .map_init(Vec::new, |local, (chunk, state)| {
-            chunk.fetch(&dynamics.places, local);
+            chunk.fetch(&dynamics.positions, local);
             let mut out = Vec::with_capacity(chunk.count);
             for (b, batch) in chunk.batches.iter().enumerate() {
                 let f = gradients(batch, &edges(batch, local));
@@ -61,9 +61,9 @@ fn fields(body: &Body, dynamics: &Dynamics) -> Fields {
                     let (fm, rm) = (pick(&f, l), pick(&r, l));
                     let mut strain = 0.0;
                     let s = if law.is_some() {
-                        let memory = &state.memory[b];
-                        strain = memory.strain[l];
-                        let s = memory.deviator.map(|s| s[l]);
+                        let history = &state.history[b];
+                        strain = history.strain[l];
+                        let s = history.deviator.map(|s| s[l]);
                         let own = [s[0], s[5], s[4], s[5], s[1], s[3], s[4], s[3], s[2]];
                         let mut turned = times_transposed(&times(&rm, &own), &rm);
                         let node = |k: usize| chunk.nodes[batch.nodes[k][l] as usize] as usize;

@@ -8,7 +8,7 @@
 //! - [`Dynamics`]: the step itself, with plates, friction and damping, and every term of the energy balance.
 
 // The kernels of lanes.rs, elastic.rs and plastic.rs must be one straight piece of code for the compiler to work on several
-// elements at once, and their loops run over the same place of several arrays.
+// elements at once, and their loops run over the same index of several arrays.
 #![allow(clippy::inline_always, clippy::needless_range_loop)]
 
 mod body;

@@ -45,7 +45,7 @@ fn tips_over(feet: &[Vector], size: f64) -> Option<(Vector, Vector)> {
     Some((nearest, Vector::z().cross(&-away)))
 }
 
-/// The place of the feet's convex hull, seen from above, that is nearest to the origin.
+/// The point of the feet's convex hull, seen from above, that is nearest to the origin.
 fn nearest_on_hull(feet: &[Vector]) -> Vector {
     let hull = hull_from_above(feet);
     let side = |a: &Vector, b: &Vector| a.x * b.y - a.y * b.x;

@@ -15,9 +15,9 @@ const MOST_STEPS: usize = 120;
 /// The displacement, over the mesh's smallest extent, by which the forces' derivative is taken.
 const NUDGE: f64 = 1e-7;
 
-/// The stable step of the whole body at these places, s: 2/ω of its highest mode, found from below to about a thousandth.
-pub(super) fn body_s(body: &Body, places: &[Node]) -> f64 {
-    let mut stiffness = Stiffness::new(body, places);
+/// The critical time step of the whole body at these positions, s: 2/ω of its highest mode, found from below to about a thousandth.
+pub(super) fn critical_time_step_s(body: &Body, positions: &[Node]) -> f64 {
+    let mut stiffness = Stiffness::new(body, positions);
     let length = body.volume.iter().copied().fold(f64::INFINITY, f64::min).cbrt();
     let root: Vec<f64> = body.mass.iter().map(|m| m.sqrt()).collect();
     let mut moved = vec![[0.0; 3]; body.nodes()];
@@ -64,34 +64,34 @@ pub(super) fn body_s(body: &Body, places: &[Node]) -> f64 {
 /// How the body answers small displacements from where it is.
 struct Stiffness<'a> {
     body: &'a Body,
-    places: &'a [Node],
+    positions: &'a [Node],
     law: Option<Law>,
     slots: Vec<Node>,
-    at_rest: Vec<Node>,
+    undisturbed: Vec<Node>,
     moved: Vec<Node>,
     out: Vec<Node>,
 }
 
 impl<'a> Stiffness<'a> {
-    fn new(body: &'a Body, places: &'a [Node]) -> Self {
+    fn new(body: &'a Body, positions: &'a [Node]) -> Self {
         let mut slots = body.all_slots([0.0; 3]);
-        let mut at_rest = vec![[0.0; 3]; body.nodes()];
+        let mut undisturbed = vec![[0.0; 3]; body.nodes()];
         let law = Law::of(&body.material);
         if law.is_none() {
-            body.elastic_forces(places, &mut slots, &mut at_rest);
+            body.elastic_forces(positions, &mut slots, &mut undisturbed);
         }
-        let (moved, out) = (at_rest.clone(), at_rest.clone());
-        Self { body, places, law, slots, at_rest, moved, out }
+        let (moved, out) = (undisturbed.clone(), undisturbed.clone());
+        Self { body, positions, law, slots, undisturbed, moved, out }
     }
 
     /// The forces that small displacements add.
     fn times(&mut self, displacements: &[Node]) -> &[Node] {
-        let (body, places) = (self.body, self.places);
+        let (body, positions) = (self.body, self.positions);
         if let Some(law) = self.law {
             (body.chunks.par_iter()).zip(self.slots.par_chunks_mut(body.stride)).for_each_init(
                 || (Vec::new(), Vec::new()),
                 |(local, moved), (chunk, slots)| {
-                    chunk.fetch(places, local);
+                    chunk.fetch(positions, local);
                     chunk.fetch(displacements, moved);
                     slots[..chunk.nodes.len()].fill([0.0; 3]);
                     chunk.batches.iter().for_each(|b| plastic::answer(&law, b, local, moved, slots));
@@ -103,13 +103,13 @@ impl<'a> Stiffness<'a> {
         }
         for n in 0..self.moved.len() {
             for k in 0..3 {
-                self.moved[n][k] = places[n][k] + displacements[n][k];
+                self.moved[n][k] = positions[n][k] + displacements[n][k];
             }
         }
         body.elastic_forces(&self.moved, &mut self.slots, &mut self.out);
         for n in 0..self.out.len() {
             for k in 0..3 {
-                self.out[n][k] -= self.at_rest[n][k];
+                self.out[n][k] -= self.undisturbed[n][k];
             }
         }
         &self.out

@@ -2,7 +2,7 @@
 //!
 //! The layouts differ (encodings, decimal commas, preambles, where units stand, signs); [`read`] takes those it knows and refuses
 //! what it doesn't, with the header: a unit is never guessed. [`Experiment::read_off`] makes a curve to compare with: force and
-//! approach from where the platen meets the grain, positive in compression, with the machine's own give taken off; and says what
+//! approach from where the platen meets the grain, positive in compression, with the machine's own give taken off; and states what
 //! it took for zero, contact and end.
 
 mod error;

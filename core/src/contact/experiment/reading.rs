@@ -1,4 +1,4 @@
-//! What a record says of a grain's first loading: the force's zero, where the platen met the grain, where the crosshead turned
+//! The reading of a grain's first loading from a record: the force's zero, where the platen met the grain, where the crosshead turned
 //! round, and where the force passed the transition.
 //!
 //! ```text
@@ -12,7 +12,7 @@
 //!                0 = approach
 //! ```
 //!
-//! Nothing is measured by the largest force: how far somebody went on pressing says nothing of how the grain was met.
+//! Nothing is measured by the largest force: how far somebody went on pressing shows nothing of how the grain was met.
 
 use super::{Compliance, Experiment, ExperimentError};
 use crate::contact::CurvePoint;
@@ -24,7 +24,7 @@ const SIGMAS: f64 = 5.0;
 const RUN: usize = 3;
 /// Rows that the first look at the noise takes; fewer where the force rises before.
 const FIRST: usize = 8;
-/// Rows before a drift is told from the noise.
+/// Rows before a drift is distinguished from the noise.
 const DRIFT: usize = 16;
 /// So often the rows before contact are looked at again without those just before it.
 const AGAIN: usize = 3;
@@ -193,7 +193,7 @@ impl Experiment {
     fn origin(&self, force: &[f64], from: usize, before: &Before, way: f64) -> f64 {
         let Before { met, zero, threshold, .. } = *before;
         let known = self.displacement_mm[from];
-        let place = |i: usize| [way * (self.displacement_mm[i] - known), force[i] - zero];
+        let point = |i: usize| [way * (self.displacement_mm[i] - known), force[i] - zero];
         let mut most = 0.0f64;
         let end = (met..force.len())
             .find(|&i| {
@@ -202,9 +202,9 @@ impl Experiment {
                 (i >= met + RISE && f > FAINT * threshold) || f < most - threshold
             })
             .unwrap_or(force.len());
-        let rise: Vec<[f64; 2]> = (met..end).map(place).filter(|p| p[1] > threshold).collect();
+        let rise: Vec<[f64; 2]> = (met..end).map(point).filter(|p| p[1] > threshold).collect();
         // As many quiet rows before, which the right law passes as well.
-        let all: Vec<[f64; 2]> = (met.saturating_sub(rise.len())..end).map(place).collect();
+        let all: Vec<[f64; 2]> = (met.saturating_sub(rise.len())..end).map(point).collect();
         if before.noise.is_none() || rise.len() < RISE {
             return known;
         }
@@ -215,11 +215,11 @@ impl Experiment {
         best.map_or(known, |[at, _]| known + way * at.clamp(-most.max(0.0), most.max(0.0)))
     }
 
-    /// The sense in which the displacement goes once the grain is met: that of its farthest place from there.
+    /// The sense in which the displacement goes once the grain is met: that of its farthest point from there.
     fn way(&self, from: usize) -> f64 {
         let start = self.displacement_mm[from];
         let noise = self.jitter_mm();
-        // The first place that is clearly elsewhere: an unloading may go farther back than the loading went.
+        // The first row that is clearly elsewhere: an unloading may go farther back than the loading went.
         let moved = self.displacement_mm[from..].iter().find(|d| (*d - start).abs() > noise);
         if moved.is_none_or(|d| *d >= start) { 1.0 } else { -1.0 }
     }
