@@ -97,7 +97,7 @@ pub fn calibrate_scale(request: &ScaleRequest) -> Result<ScaleFile, DaemonError>
         version,
         software: concat!("grainrig ", env!("CARGO_PKG_VERSION")).into(),
         mm_per_px: scale.mm_per_px,
-        relative_sigma: scale.parts,
+        relative_sigma: scale.budget,
         body: request.body,
         diameter_mm: request.diameter_mm,
         tolerance_mm: request.tolerance_mm,

@@ -2,7 +2,7 @@
 //!
 //! A view at angle θ reaches to the right as far as the slice's support function h(t) at t = θ, to the left as far as
 //! h(θ + π); h′ is how deep the rim lies (nearer the camera to the right where it is positive). To the first order the
-//! reach is changed by the axis' column c and the view's own shift b (∓1), the roll (∓(z + h·∂h/∂z)), the reciprocal
+//! reach is changed by the axis' column c and the view's own shift b (±1), the roll (∓(z + h·∂h/∂z)), the reciprocal
 //! camera distance q (±h′(h − z·∂h/∂z): rays that are not parallel see the rim elsewhere), the rays' elevation p
 //! (∓h′·∂h/∂z) and the view's own angle (h′). The slices are random functions (see [`super::support`]), so all these
 //! are generalised least squares with a prior for what a motor and a bearing do.

@@ -3,6 +3,14 @@
 //! A pinhole at the distance D from the axis sees a ball of radius R, whose centre is Y behind the axis, with the
 //! radius R D / √((D + Y)² − R²) (in the axis' scale), and an upright pin with the same half width. On the turning
 //! table the centre goes round: X = e cos(θ + φ), Y = e sin(θ + φ). X is seen; so where the angles are known, Y is.
+//!
+//! ```text
+//! m = (1 + ¼ (u m/D)²) R / (r √((1 + Y/D)² − (R/D)²))
+//! ```
+//!
+//! is the size of a pixel by an outline of radius r whose centre is u beside the optical axis; the first factor, the elongation of
+//! a ball's outline, is taken off where D is given. The uncertainty budget is
+//! `(σ/m)² = max(fit, spread)² + perspective² + body² + edge²` ([`UncertaintyBudget`]).
 
 use super::measured::Measured;
 use crate::geometry::Angle;

@@ -3,7 +3,13 @@
 //! The reach of a slice in the direction t is its support function h(t). With ρ = h + h″, the radius of curvature of
 //! the slice's convex hull, white about its mean along t, harmonic n of h has variance σ²/(n² − 1)²; harmonics 0 and
 //! 1 (size and position) are free in every slice. Slices at heights Δz apart are alike as exp(−|Δz|/ℓ). Both together
-//! make a covariance that is a Kronecker product, so that in the eigenvectors of the heights' part every problem
+//! make a covariance that is a Kronecker product,
+//!
+//! ```text
+//! cov(h(t, z), h(t₁, z₁)) = σ² Σ_{n ≥ 2} cos n(t − t₁)/(n² − 1)² · exp(−|z − z₁|/ℓ)
+//! ```
+//!
+//! so that in the eigenvectors of the heights' part every problem
 //! falls into small ones. The free harmonics are left out by looking only at combinations of the directions that they do
 //! not reach, which is what an unbounded variance comes to (kriging; Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, §2.7 for
 //! the free terms, §5.4 for the marginal likelihood).

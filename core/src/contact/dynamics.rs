@@ -25,7 +25,11 @@ use serde::{Deserialize, Serialize};
 /// grain by shear waves, and the drag is some thousandths of the force.
 const WHOLE: f64 = 0.05;
 
-/// The energies, N·mm. What the plates put in is `external`; the rest is where it went.
+/// The energy balance, N·mm. What the plates put in is `external`; the rest is where it went:
+///
+/// ```text
+/// W_ext = E_kin + E_stored + E_plastic + E_viscous + E_damping + E_friction + E_impact
+/// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Energy {
     /// Work of the plates.
@@ -58,7 +62,7 @@ impl Energy {
         self.external - self.kinetic - self.viscous - self.damping - self.friction - self.impact
     }
 
-    /// What went somewhere that is not accounted for, over the largest of what did: the plates' work, or the motion.
+    /// The error of the balance, left side less right side, over the largest of |W_ext|, E_kin and E_stored + E_plastic.
     pub fn balance_error(&self) -> f64 {
         let accounted =
             self.kinetic + self.internal() + self.viscous + self.damping + self.friction + self.impact;
@@ -181,8 +185,8 @@ impl Dynamics {
         self.velocities = velocities;
     }
 
-    /// The largest step that this body bears as it is deformed now, s. Costs as much as
-    /// about fifty steps.
+    /// The stable time increment of the body as it is deformed now, s: `Δt = (√(1 + b²) − b) 2/ω` for the highest mode ω, which
+    /// bulk viscosity damps by the share b of its critical damping. Costs as much as about fifty steps.
     pub fn stable_step_s(&self, body: &Body) -> f64 {
         // Viscosity of the share b of critical damping in the highest mode asks for √(1+b²) − b of the step.
         let b = BULK_VISCOSITY;

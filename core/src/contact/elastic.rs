@@ -1,7 +1,15 @@
-//! The elastic element: Hooke's law where strains are small, a compressible neo-Hookean solid where they are not.
+//! The elastic element: a compressible neo-Hookean solid, Hooke's law where strains are small.
 //!
-//! The energy per volume is `μ/2 (tr FᵀF − 3) − μ ln J + λ/2 (ln J)²` (Simo and Pister, Comput. Meth. Appl. Mech. Engng 46, 201,
-//! 1984), the stress (first Piola–Kirchhoff) `P = μ (F − F⁻ᵀ) + λ ln J F⁻ᵀ`. Being total it neither drifts nor remembers a path;
+//! ```text
+//! ψ = μ/2 (tr FᵀF − 3) − μ ln J + λ/2 (ln J)²,   J = det F
+//! P = ∂ψ/∂F = μ (F − F⁻ᵀ) + λ ln J F⁻ᵀ          first Piola–Kirchhoff
+//! σ = P Fᵀ/J = (μ (F Fᵀ − 1) + λ ln J 1)/J      Cauchy
+//! q = b ρ c h (J − J₀)/(Δt J)                   bulk viscosity, added to σ as q 1; J₀: one step ago
+//! f_a = −V P ∇N_a                               force on node a
+//! ```
+//!
+//! (Simo and Pister, Comput. Meth. Appl. Mech. Engng 46, 201, 1984; b, the share of critical damping, and h = c Δt of the element
+//! as in Abaqus/Explicit and LS-DYNA, linear term only.) Being total the law neither drifts nor remembers a path;
 //! a rotation leaves it without stress, whatever its size; no volume can be pressed to nothing. Unlike the law of St. Venant
 //! and Kirchhoff it does not soften in compression, which matters under a contact, where the strain reaches a fifth: in one
 //! direction it answers between a nominal stress in proportion to the stretch and Hencky's law.

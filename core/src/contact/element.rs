@@ -29,9 +29,14 @@ pub(super) fn shape_gradients(p: &[Node; 4]) -> [f64; 9] {
     [c[0] / d, c[3] / d, c[6] / d, c[1] / d, c[4] / d, c[7] / d, c[2] / d, c[5] / d, c[8] / d]
 }
 
-/// The stable step of a four-node tetrahedron by itself with a quarter of its mass at each node, s; at most 0.4 % too small.
+/// The critical time step of a four-node tetrahedron by itself with a quarter of its mass at each node, s; at most 0.4 % too small.
 ///
-/// The eigenvalues are those of the strain's map σ → C : sym(σ G), G = Σ ∇N ∇Nᵀ over the four nodes, times 4/ρ.
+/// ```text
+/// Δt = 2/ω,   ω² = (4/ρ) max eig { σ → C : sym(σ G) },   G = Σ_a ∇N_a ∇N_aᵀ
+/// ```
+///
+/// The nodal forces −V σ ∇N_a on masses ρV/4 make the strain rate (4/ρ) sym(σ G), which C answers with stress. The trace of
+/// the map's 256th power bounds its greatest eigenvalue.
 pub(super) fn critical_time_step_s(material: &Material, p: &[Node; 4]) -> f64 {
     let b = shape_gradients(p);
     let mut g = Matrix3::zeros();

@@ -1,5 +1,19 @@
 //! The elastic–plastic element: J2 flow by radial return, with the pressure of the nodes.
 //!
+//! ```text
+//! Δε  = sym(ΔF F_½⁻¹),  ΔF = 2 (F − F_½)            strain increment about the half-step configuration F_½
+//! s*  = s + 2μ dev(Rᵀ Δε R)                         trial stress in the element's frame, F = R U
+//! σ*  = √(3/2 s* : s*),  f = σ* − (Y + H ε̄)         von Mises' yield function
+//! Δε̄  = max(0, f/(3μ + H))                          plastic strain increment
+//! s   = (1 − 3μ Δε̄/σ*) s*,   ε̄ ← ε̄ + Δε̄            radial return
+//! W_p = V J Δε̄ (Y + H ε̄ + ½ H Δε̄)                   dissipated; ε̄ before the step
+//!
+//! J_a = Σ_e ¼ V_e J_e / V_a,   p_a = κ ln J_a/J_a    nodal pressure (tension positive)
+//! σ   = R s Rᵀ + (¼ Σ_a p_a + q) 1,   P = σ cof F    q as in the elastic element
+//! ```
+//!
+//! Source of the radial return: Wilkins, Calculation of elastic-plastic flow, Methods Comput. Phys. 3, 1964.
+//!
 //! The deviatoric stress is carried in the element's own frame, turned by R of F = R U (Green and Naghdi's rate), and grows
 //! with the strain of the step at its middle, from which a rotation of any size makes none. The pressure is not the element's
 //! own: each node has one, κ ln J/J of the volume of the elements around it, and an element takes the mean of its four (Bonet
@@ -141,10 +155,16 @@ pub(super) fn forces(
     (BatchOutput { volume_ratio: determinant, viscous_n_mm: sum(&viscous) }, sum(&flowed))
 }
 
-/// Adds the forces with which a batch answers small displacements from these positions if it does not flow: what the stable
+/// Adds a batch's elastic response to small displacements from these positions, as if it did not flow: what the stable
 /// step of a body hangs on whose elements have flowed into another shape.
 #[inline(always)]
-pub(super) fn answer(law: &Law, batch: &Batch, positions: &[Node], displacements: &[Node], out: &mut [Node]) {
+pub(super) fn elastic_response(
+    law: &Law,
+    batch: &Batch,
+    positions: &[Node],
+    displacements: &[Node],
+    out: &mut [Node],
+) {
     let f = gradients(batch, &edges(batch, positions));
     let moved = gradients(batch, &edges(batch, displacements));
     let lambda = law.bulk - 2.0 / 3.0 * law.shear;

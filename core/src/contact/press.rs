@@ -339,7 +339,8 @@ impl Press {
         Ok(())
     }
 
-    /// Lets the speed follow the energy stored, smoothly.
+    /// Lets the speed follow what the grain has stored, smoothly: `v = √(2 φ E/m)` for the share φ = `motion_share` of the energy E
+    /// that is not motion and the grain's mass m, within [`Loading::slowest`] and [`Loading::fastest`].
     fn accelerate(&mut self) {
         let material = &self.body.material;
         let bar_mm_s = (material.young_mpa / material.density_t_mm3).sqrt();

@@ -94,7 +94,10 @@ impl<'a> Stiffness<'a> {
                     chunk.fetch(positions, local);
                     chunk.fetch(displacements, moved);
                     slots[..chunk.nodes.len()].fill([0.0; 3]);
-                    chunk.batches.iter().for_each(|b| plastic::answer(&law, b, local, moved, slots));
+                    chunk
+                        .batches
+                        .iter()
+                        .for_each(|b| plastic::elastic_response(&law, b, local, moved, slots));
                 },
             );
             let slots = &self.slots;

@@ -1,4 +1,14 @@
-//! The three controls of a mesh, which are promises.
+//! The controls of a mesh, which are promises: facet size, facet angle, cell size, distance.
+//!
+//! ```text
+//! facet (a ≤ b ≤ c, area A):   R = abc/(4A) ≤ surface_size_mm       (size_at_contact_mm where plates will touch)
+//!                              sin α = a/(2R) = 2A/(bc) ≥ sin facet_angle_deg
+//! cell (volume V):             V ≤ tet_volume_mm3
+//! surface:                     max(sup |f| over the facets, sup distance of body points from the facets) ≤ distance_mm
+//! ```
+//!
+//! These are the criteria of Delaunay refinement (Boissonnat and Oudot, Graph. Models 67, 2005: angle, size and distance of a
+//! facet; size of a cell), checked here on the finished mesh. The method of Nadimi and Fonseca (2017) states the first three.
 
 use super::broken::BrokenControl;
 use super::{MeshError, Quality};

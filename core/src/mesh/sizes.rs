@@ -1,4 +1,8 @@
 //! The size field: how large the cells of the background grid may be at a point.
+//!
+//! ```text
+//! a(p) = min(a_surface + g·depth(p), a_inside, a_contact + g·|z − contact zone|),   g = 0.6
+//! ```
 
 use super::controls::{CUBES_PER_TET, SPACING_PER_SIZE};
 use super::{Controls, TetMesh, score};

@@ -3,6 +3,12 @@
 //!
 //! A single threshold is biased wherever the grain is shaded or the background uneven: with blur, a level
 //! off the middle by a tenth of the contrast moves the outline by about a quarter of the blur's width.
+//!
+//! ```text
+//! f = (½(g + b) − v) / (½(g − b)),  held to −1 … 1;   the outline is f = 0
+//! ```
+//!
+//! v is the smoothed value at a pixel, g the grain's level at the edge beside it and b the background's.
 
 use super::mask::{Connect, Mask};
 use super::plane::{PER_LEVEL, Plane};

@@ -1,12 +1,12 @@
-//! What the hull can't see: the grain's volume from the hull's, with an interval.
+//! Volume estimate: the grain's volume V from the hull's V_H = (1 + E) V, with a 95 % interval.
 //!
 //! The hull is larger than the grain by an excess E (its volume over the grain's, less 1), which has two parts. Between the tangents of N views a
 //! slice is a polygon about the slice's convex hull: (2N/π) tan(π/2N) − 1 for a ball (0.13 % at 25 views), about 1 % for
 //! an angular grain. And views that are level never see into a hollow of a slice: the hull fills it. That is most of E,
 //! and more views about the same axis do not help.
 //!
-//! What shows are signs of hollows ([`Signs`]): the outlines are hollow, the slices' curvature is
-//! unsteady and soon another one at other heights, and there are gaps. They are uncertain signs, so what is stated is
+//! What shows are signs of hollows ([`Signs`]): the outlines are concave, the slices' curvature varies
+//! from one direction to the next and along the axis, and there are gaps. They are uncertain signs, so what is stated is
 //! a distribution of E,
 //!
 //! ```text
@@ -26,7 +26,7 @@
 //! through whole captures shows `tests/volume_estimate.rs`, on grains of which none was fitted to (four are of powders
 //! whose other particles were).
 //!
-//! Cameras that are not level, or not all around, show no slices; there only the outlines' emptiness stands for the
+//! Cameras that are not level, or not all around, show no slices; there only the outlines' concavity stands for the
 //! signs, and the interval is more than twice as wide. Signs of a hull twice as large as its grain, or more, show only that
 //! nothing can be estimated ([`NoEstimate`]).
 

@@ -120,7 +120,7 @@ mod tests {
     use super::*;
 
     /// The tangents of a strip so thick and so wide, its middle at a point, in directions 7.2° apart; each is off by
-    /// what `error` says.
+    /// `error`.
     fn strip(thick: f64, wide: f64, middle: [f64; 2], error: impl Fn(usize) -> f64) -> Vec<Tangent> {
         (0..50)
             .map(|k| {

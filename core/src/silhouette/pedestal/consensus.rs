@@ -133,8 +133,8 @@ mod tests {
 
     #[test]
     fn views_that_are_wrong_or_see_no_top_do_not_move_it_and_are_named() {
-        let wobble = [0.3, -0.2, 0.1, -0.4, 0.2, 0.0, -0.1, 0.4];
-        let mut views: Vec<_> = wobble.iter().map(|w| Some(view(700.0 + 0.1 * w, *w))).collect();
+        let runout = [0.3, -0.2, 0.1, -0.4, 0.2, 0.0, -0.1, 0.4];
+        let mut views: Vec<_> = runout.iter().map(|w| Some(view(700.0 + 0.1 * w, *w))).collect();
         views.push(Some(view(705.0, 0.0)));
         views.push(None);
         views.push(Some(PedestalOutline { top_seen: false, ..view(690.0, 0.0) }));
