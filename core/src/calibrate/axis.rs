@@ -1,4 +1,4 @@
-//! The rotation axis in the picture, from the silhouettes alone.
+//! The rotation axis as a line in the picture: mirror symmetry of opposite views, or tangency about the half turn.
 
 use crate::geometry::Angle;
 use crate::silhouette::Silhouette;

@@ -1,4 +1,4 @@
-//! A round body's outline in one picture: centre and radius between pixels, with their uncertainty.
+//! Circle fit to a ball's outline: centre and radius by geometric least squares, with their standard uncertainty, pixels.
 
 use crate::silhouette::{PedestalOutline, Silhouette};
 use nalgebra::{DMatrix, DVector};

@@ -15,7 +15,7 @@
 //! | b | `offset_px` | a view's own sideways shift; its standard deviation is the radial runout | px |
 //! | α | `ahead_rad` | how far the grain is ahead of the stage in a view | rad |
 //! | h(t, z) | `reach_px` | support function of the slice at the height z in the direction t: how far it reaches | px |
-//! | h′, h_z | `along`, `up` | its derivatives along t and along z | px, 1 |
+//! | h′, `h_z` | `along`, `up` | its derivatives along t and along z | px, 1 |
 //!
 //! **Projection** ([`Turntable`]): a pinhole, or parallel rays for D = ∞, before a turning grain.
 //!

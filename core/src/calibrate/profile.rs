@@ -1,4 +1,4 @@
-//! How far the grain reaches to either side of the axis, height by height, in every view.
+//! Extents of the outlines to either side of the axis at common heights: `[sample, height]`, pixels.
 
 use crate::silhouette::Silhouette;
 

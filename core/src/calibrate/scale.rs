@@ -1,4 +1,4 @@
-//! The size of a pixel at the rotation axis, from outlines of a body of known diameter.
+//! Scale: the size of a pixel at the rotation axis, from observations of an artefact of known diameter.
 //!
 //! A pinhole at the distance D from the axis sees a ball of radius R, whose centre is Y behind the axis, with the
 //! radius R D / √((D + Y)² − R²) (in the axis' scale), and an upright pin with the same half width. On the turning

@@ -11,8 +11,8 @@
 //!
 //! so that in the eigenvectors of the heights' part every problem
 //! falls into small ones. The free harmonics are left out by looking only at combinations of the directions that they do
-//! not reach, which is what an unbounded variance comes to (kriging; Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, §2.7 for
-//! the free terms, §5.4 for the marginal likelihood).
+//! not reach, which is what an unbounded variance comes to (kriging; Rasmussen and Williams, Gaussian Processes for Machine
+//! Learning, 2006, §2.7 for the free terms, §5.4 for the marginal likelihood).
 
 use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
 use rayon::prelude::*;

@@ -1,4 +1,4 @@
-//! The camera of a turntable view.
+//! Projection of a turntable view: pinhole or parallel rays, roll, elevation, a view's own shift.
 
 use crate::geometry::{Angle, Projection};
 use nalgebra::Matrix3x4;

@@ -1,4 +1,4 @@
-//! Central differences: a body between plates, step by step.
+//! Explicit dynamics: central differences for a body between plates.
 //!
 //! ```text
 //!   x(n)  ──forces f(n)──▶  v(n+½) = v(n−½) + Δt (f(n)/m − α (v(n−½) − r)), plates hold  ──▶  x(n+1) = x(n) + Δt v(n+½)
@@ -62,7 +62,7 @@ impl Energy {
         self.external - self.kinetic - self.viscous - self.damping - self.friction - self.impact
     }
 
-    /// The error of the balance, left side less right side, over the largest of |W_ext|, E_kin and E_stored + E_plastic.
+    /// The error of the balance, left side less right side, over the largest of `|W_ext|`, `E_kin` and `E_stored + E_plastic`.
     pub fn balance_error(&self) -> f64 {
         let accounted =
             self.kinetic + self.internal() + self.viscous + self.damping + self.friction + self.impact;

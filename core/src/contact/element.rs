@@ -35,7 +35,7 @@ pub(super) fn shape_gradients(p: &[Node; 4]) -> [f64; 9] {
 /// Δt = 2/ω,   ω² = (4/ρ) max eig { σ → C : sym(σ G) },   G = Σ_a ∇N_a ∇N_aᵀ
 /// ```
 ///
-/// The nodal forces −V σ ∇N_a on masses ρV/4 make the strain rate (4/ρ) sym(σ G), which C answers with stress. The trace of
+/// The nodal forces `−V σ ∇N_a` on masses ρV/4 make the strain rate (4/ρ) sym(σ G), which C answers with stress. The trace of
 /// the map's 256th power bounds its greatest eigenvalue.
 pub(super) fn critical_time_step_s(material: &Material, p: &[Node; 4]) -> f64 {
     let b = shape_gradients(p);

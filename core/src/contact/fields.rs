@@ -1,4 +1,4 @@
-//! Stresses and strains of the elements, for pictures and files.
+//! Element fields: Cauchy stress (MPa), von Mises' and principal stress, equivalent plastic strain.
 
 use super::elastic::{self, Moduli};
 use super::lanes::{W, edges, gradients, pick, rotations, times, times_transposed};

@@ -1,4 +1,4 @@
-//! Eight elements at a time: the same figure of eight elements lies side by side, so that the compiler works on
+//! SIMD batches of eight elements: the same figure of eight elements lies side by side, so that the compiler works on
 //! several in one instruction. What is computed for an element depends on nothing beside it in its batch.
 
 /// Elements of a batch.

@@ -1,4 +1,4 @@
-//! What the grain is made of.
+//! Material parameters: isotropic elasticity, von Mises plasticity with linear hardening.
 
 use super::ContactError;
 use serde::{Deserialize, Serialize};

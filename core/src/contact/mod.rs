@@ -7,8 +7,8 @@
 //! - [`time_step`]: the largest time step that central differences bear.
 //! - [`Dynamics`]: the step itself, with plates, friction and damping, and every term of the energy balance.
 //!
-//! Laws and their equations stand beside the code: `elastic.rs`, `plastic.rs`, `element.rs` (critical time step), `plates.rs` (contact
-//! and Coulomb's friction), [`hertz`], [`Energy`].
+//! Laws and their equations stand beside the code: `elastic.rs`, `plastic.rs`, `element.rs` (critical time step), `plates.rs`
+//! (contact and Coulomb's friction), [`hertz`], [`Energy`].
 
 // The kernels of lanes.rs, elastic.rs and plastic.rs must be one straight piece of code for the compiler to work on several
 // elements at once, and their loops run over the same index of several arrays.

@@ -1,14 +1,14 @@
-//! Two rigid level plates and what happens to a node that meets one.
+//! Contact with two rigid level plates: non-penetration as a constraint on nodes, Coulomb friction.
 //!
 //! ```text
 //! normal:    v_n ← (z_plate − z)/Δt   where z + Δt v_n would pass the plate,   I_n = m Δv_n
 //! friction:  v_t ← max(0, 1 − µ|I_n|/(m|v_t|)) v_t,                            |I_t| ≤ µ|I_n|
 //! ```
 //!
-//! Contact is exact (a constraint on the velocities, no penalty): a node that would pass a plate is put on it, and the force that this takes is the plate's. A plane against
-//! flat facets is touched at nodes only, so nothing passes, there is no stiffness to choose and none in the time step. A node
-//! whose force pulls is free again at once. Friction is Coulomb's: what it would take to stop a node's sliding in this step, at
-//! most μ times what presses.
+//! Contact is exact (a constraint on the velocities, no penalty): a node that would pass a plate is put on it, and the force
+//! that this takes is the plate's. A plane against flat facets is touched at nodes only, so nothing passes, there is no
+//! stiffness to choose and none in the time step. A node whose force pulls is free again at once. Friction is Coulomb's: what
+//! it would take to stop a node's sliding in this step, at most μ times what presses.
 
 use super::ContactError;
 use super::lanes::Node;

@@ -1,4 +1,4 @@
-//! One compression: from the first touch to a force or an approach.
+//! A uniaxial compression: loading, sampling and stopping, from the first touch to a force or an approach of the plates.
 //!
 //! Both plates move, each by half the approach, which halves the speed and quarters the energy of motion; only the approach
 //! counts. How fast follows from what the grain has stored of their work so far (see [`Loading`]).

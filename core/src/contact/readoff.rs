@@ -1,4 +1,5 @@
-//! What is read off a compression: the transition to a Hertzian response, Hertz' parameters after it, agreement with a test.
+//! Evaluation of a force–displacement curve: the transition to a Hertzian response, Hertz' parameters after it, agreement with
+//! a test.
 
 use super::{Material, Sample};
 use serde::{Deserialize, Serialize};

@@ -1,4 +1,4 @@
-//! How a body comes to rest on a level plate: it rolls over its lowest points until its centre of mass is above what it
+//! Stable rest of a rigid body on a level plate: it rolls over its lowest points until its centre of mass is above what it
 //! stands on.
 
 use crate::geometry::{Point, Vector};

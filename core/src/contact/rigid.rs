@@ -1,4 +1,4 @@
-//! How a body moves as a whole, which damping must not hold back.
+//! The rigid-body motion of a deforming body, which damping must not hold back.
 
 use super::body::BLOCK;
 use super::lanes::Node;

@@ -1,4 +1,4 @@
-//! A cut through the deformed grain.
+//! Plane section through the deformed tetrahedra.
 
 use crate::geometry::{Point, Vector};
 use crate::mesh::TetMesh;

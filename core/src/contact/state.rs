@@ -1,4 +1,5 @@
-//! A compression as bytes, to go on with it later: what comes out is what would have come out without a break, bit for bit.
+//! Checkpoints: a compression as bytes, to go on with it later: what comes out is what would have come out without a break, bit
+//! for bit.
 //!
 //! ```text
 //! "grainrig press 1\n"  length of the header (u64)  header (JSON)  positions  velocities  volume ratios  [history variables]

@@ -1,4 +1,4 @@
-//! The largest time step that central differences bear: 2/ω of the highest mode.
+//! The critical time step of central differences: 2/ω of the mesh's highest mode.
 //!
 //! Of one element by itself the highest mode is known in closed form but for an eigenvalue; the mesh's highest mode is lower
 //! (its nodes are heavier and its elements hold one another), and is found by Lanczos' iteration on the body as it is deformed.

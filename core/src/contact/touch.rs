@@ -1,4 +1,4 @@
-//! The contacts: patches of nodes on a plate, each followed from its birth to its death.
+//! Contact patches: connected sets of boundary nodes on a plate, each tracked from its birth to its death.
 
 use super::Body;
 use super::lanes::Node;

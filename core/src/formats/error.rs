@@ -1,4 +1,4 @@
-//! What can go wrong between a mesh and a file.
+//! Errors of reading and writing files.
 
 /// Why a file was not written or not read.
 #[derive(Debug, thiserror::Error)]

@@ -1,4 +1,4 @@
-//! A box around the hull before any grid exists.
+//! Bounding box of the hull, by coarse carving before any grid exists.
 
 use super::{Cone, HullError, cone::Side};
 use crate::geometry::{Aabb, Point, Vector};

@@ -1,4 +1,4 @@
-//! One view's cone: everything that projects into its silhouette.
+//! Viewing cone of one view: all points that project into its silhouette.
 
 use crate::geometry::{Point, Projection, Vector};
 use crate::silhouette::Silhouette;

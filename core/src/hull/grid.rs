@@ -1,4 +1,4 @@
-//! The standing hull on a grid of blocks: views are added one by one or together, in any order.
+//! Space carving on a sparse block grid: views are added one by one or together, in any order.
 
 use super::cone::Side;
 use super::{Cone, HullError};

@@ -1,4 +1,4 @@
-//! One view's distances at the lattice points of a block.
+//! One view's signed distances at the lattice points of a block, mm.
 
 use super::Cone;
 use super::grid::{B, POINTS};

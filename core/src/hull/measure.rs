@@ -1,4 +1,4 @@
-//! Volume, area and box of the standing hull, by marching tetrahedra.
+//! Volume, area and box of the carved grid, by marching tetrahedra.
 //!
 //! Each cell is cut into six tetrahedra about its diagonal (Freudenthal), in which the distance is taken as
 //! linear: the surface is watertight and the volume and area converge with the square of the pitch.

@@ -1,4 +1,4 @@
-//! Whether a surface cuts or touches itself.
+//! Self-intersection of a surface, by exact predicates.
 
 use super::solid::Solid;
 use crate::geometry::Point;

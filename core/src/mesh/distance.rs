@@ -1,4 +1,4 @@
-//! How far a mesh's surface lies from the body's.
+//! Surface distances between mesh and body, both ways: mean and largest, mm.
 
 use super::{MeshError, Solid, TetMesh};
 use crate::geometry::{ImplicitBody, Point};

@@ -1,4 +1,4 @@
-//! What can go wrong between a body and its mesh.
+//! Errors of meshing.
 
 use super::{TetFault, broken::BrokenControl};
 use crate::geometry::{MeshFault, Point};

@@ -1,4 +1,4 @@
-//! Whether a body has a size that can be computed with, where it is.
+//! Limits of a body's size and of its distance from the origin.
 
 use super::MeshError;
 use crate::geometry::Aabb;

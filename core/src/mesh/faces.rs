@@ -1,4 +1,4 @@
-//! The faces of tetrahedra, gathered by their least node, and what follows from them.
+//! Face adjacency: the faces of tetrahedra gathered by their least node, boundary, node-to-element lists.
 
 use rayon::prelude::*;
 

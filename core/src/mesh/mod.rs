@@ -1,4 +1,4 @@
-//! Tetrahedra and triangles for a body given by a function.
+//! Meshing: tetrahedra and boundary triangles for an implicit body.
 //!
 //! Isosurface stuffing (Labelle and Shewchuk, ACM Trans. Graphics 26(3), 57, 2007): a body-centred cubic
 //! lattice, graded by an octree, is laid over the body, lattice points close to the surface are warped onto it, and

@@ -1,4 +1,4 @@
-//! Smoothing: nodes move to where their worst tetrahedron or facet gets better.
+//! Optimisation-based smoothing: nodes move to where their worst tetrahedron or facet gets better.
 //!
 //! A node's score is the worst of its tetrahedra (least sine of a dihedral angle, smallest altitude) and
 //! of its facets (least sine of an angle), each over its target; a broken promise makes it negative, so

@@ -1,4 +1,4 @@
-//! Cutting until the surface is manifold.
+//! Manifold repair: the lattice is cut again until the surface is manifold.
 //!
 //! Where a body is thin, or grazes lattice points, two sheets of its surface can meet in a warped point. Cuts
 //! alone cannot do that: without warped points the surface in each lattice tetrahedron is one triangle or

@@ -1,4 +1,4 @@
-//! Measures of one tetrahedron and one triangle.
+//! Volume, area vectors, dihedral sines, circumradius of one tetrahedron and one triangle.
 
 use crate::geometry::{Point, Vector};
 

@@ -1,4 +1,4 @@
-//! Ten-node tetrahedra.
+//! Second-order (ten-node) tetrahedra with straight edges.
 
 use super::TetMesh;
 use crate::geometry::Point;

@@ -1,4 +1,4 @@
-//! A body from a closed surface of triangles, by its signed distance.
+//! Signed distance of a closed triangle surface, in a bounding volume hierarchy.
 
 use super::{MeshError, check_extent};
 use crate::geometry::{Aabb, ImplicitBody, Point, TriangleMesh, Vector};

@@ -1,4 +1,4 @@
-//! The tetrahedra and facets around one node, gathered once and scored at many trial positions of the node.
+//! The star of a node: the tetrahedra and facets around it, gathered once and scored at many trial positions of the node.
 //!
 //! What does not change with the node (the opposite faces and edges) is computed once. A trial that cannot
 //! beat the best so far is refused at its first tetrahedron that is too bad; that one is asked first the next

@@ -1,4 +1,4 @@
-//! The part of one lattice tetrahedron that is inside, as tetrahedra.
+//! Stencils of isosurface stuffing: the part of one lattice tetrahedron that is inside, as tetrahedra.
 //!
 //! ```text
 //!  inside  on  outside     what is left

@@ -1,4 +1,4 @@
-//! Tetrahedra that share nodes.
+//! The tetrahedral mesh: nodes (mm), connectivity, boundary, consistency check.
 
 use super::faces::{Faces, face_nodes};
 use super::score;

@@ -1,4 +1,4 @@
-//! A body from voxels.
+//! An implicit body from a binary voxel volume, smoothed.
 
 use super::{MeshError, check_extent};
 use crate::geometry::{Aabb, ImplicitBody, Point, Vector};

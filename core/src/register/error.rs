@@ -1,4 +1,4 @@
-//! Why two poses are not put together.
+//! Errors of registration.
 
 use crate::hull::HullError;
 

@@ -1,4 +1,4 @@
-//! How two captures of one grain, with another side down, lie to one another.
+//! Rigid registration of two captures of one grain, another side down in the second.
 //!
 //! Each pose's hull is an upper bound of the grain, too fat elsewhere than the other's: their surfaces need not
 //! agree. What must agree is that both together still fill every silhouette. So the turns of all space are tried

@@ -1,4 +1,4 @@
-//! The rays that touch the grain: whether two hulls together still fill a silhouette up to its outline.
+//! Rim rays, which touch the grain: whether two hulls together still fill a silhouette up to its outline.
 //!
 //! The ray through a point on an outline touches the grain, so some point on it belongs to every hull of the grain.
 //! Where two hulls are put together wrongly, all of the ray lies outside of one or the other: what is missing at the

@@ -1,4 +1,4 @@
-//! The search for the motion: everywhere coarsely, then better and better at the best candidates.
+//! Global search over rigid motions: all turns coarsely, then refinement of the best candidates.
 
 use super::field;
 use super::fit::{Control, Fitted, Term, fit};

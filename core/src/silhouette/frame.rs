@@ -1,4 +1,4 @@
-//! The part of a picture that shows something: digitisers and video cards leave black lines at the ends.
+//! The active area of a picture: digitisers and video cards leave black lines at the ends.
 
 use super::Picture;
 use super::rect::Rect;

@@ -1,4 +1,4 @@
-//! The outline between pixels: where the grey value is half-way between the grain and the background
+//! Subpixel outline: where the grey value is half-way between the grain and the background
 //! beside it.
 //!
 //! A single threshold is biased wherever the grain is shaded or the background uneven: with blur, a level

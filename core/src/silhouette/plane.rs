@@ -1,4 +1,4 @@
-//! The region that holds the grain, at full resolution: how far each pixel is from the background.
+//! The background-subtracted region of interest at full resolution, `[row, column]`, sixteenths of a grey level.
 
 use super::backdrop::Backdrop;
 use super::otsu::Histogram;

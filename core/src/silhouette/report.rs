@@ -1,4 +1,4 @@
-//! How a silhouette was got: what a person checks it by.
+//! Report of a segmentation: thresholds, areas, pedestal, what a person checks it by.
 
 use super::{Channel, Polarity};
 use serde::Serialize;

@@ -1,4 +1,4 @@
-//! Where the grain is, in which channel it shows best, and whether it is the bright or the dark one.
+//! Region of interest, channel and polarity of the grain, on the downsampled picture.
 
 use super::backdrop::Backdrop;
 use super::mask::{Connect, Mask};

@@ -1,4 +1,4 @@
-//! What a person may set about silhouettes; the defaults suit a backlit grain, a blue screen and a black one.
+//! Settings of the segmentation; the defaults suit a backlit grain, a blue screen and a black one.
 
 use super::{Channel, SilhouetteError};
 use serde::{Deserialize, Serialize};

@@ -1,4 +1,4 @@
-//! What can be wrong with a test's export.
+//! Errors of reading a test's export.
 
 /// Why a file is no usable test.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -1,5 +1,5 @@
-//! The reading of a grain's first loading from a record: the force's zero, where the platen met the grain, where the crosshead turned
-//! round, and where the force passed the transition.
+//! Evaluation of a grain's first loading in a test record: the force's zero, where the platen met the grain, where the crosshead
+//! turned round, and where the force passed the transition.
 //!
 //! ```text
 //!   force │                                ╱│ end: the crosshead turns round, or the record ends

@@ -1,4 +1,4 @@
-//! Volume estimate: the grain's volume V from the hull's V_H = (1 + E) V, with a 95 % interval.
+//! Volume estimate: the grain's volume V from the hull's `V_H = (1 + E) V`, with a 95 % interval.
 //!
 //! The hull is larger than the grain by an excess E (its volume over the grain's, less 1), which has two parts. Between the tangents of N views a
 //! slice is a polygon about the slice's convex hull: (2N/π) tan(π/2N) − 1 for a ball (0.13 % at 25 views), about 1 % for

@@ -1,4 +1,4 @@
-//! What single outlines show, whatever their cameras.
+//! Concavity and gaps of single outlines, whatever their cameras.
 
 use crate::silhouette::Silhouette;
 
@@ -13,7 +13,8 @@ pub(super) fn gaps<'a>(silhouettes: impl Iterator<Item = &'a Silhouette>) -> f64
     (1.0 - area / breadth).max(0.0)
 }
 
-/// Concavity: the share of its convex hull that an outline leaves empty, in the mean over the views: beside it, since gaps count by themselves.
+/// Concavity: the share of its convex hull that an outline leaves empty, in the mean over the views: beside it, since gaps
+/// count by themselves.
 pub(super) fn concavity(silhouettes: &[&Silhouette]) -> f64 {
     use rayon::prelude::*;
     let each: Vec<f64> = (silhouettes.par_iter())

@@ -1,4 +1,4 @@
-//! What the tangents show of the hollows that they can't see.
+//! Signs of hollows: concavity, curvature variation, axial variation, gaps.
 
 use super::tangents::{Tangent, Tangents};
 use serde::Serialize;

@@ -1,4 +1,4 @@
-//! The lines of sight that touch the grain, height by height, seen from above.
+//! Tangents of the grain's slices: at each height the lines of sight that touch it, seen from above.
 //!
 //! Before rays that are level, each view bounds a horizontal slice of the grain on both sides by a line of sight that
 //! touches it. The lines of all views are tangents of the slice: they give its support function in twice as many

@@ -1,4 +1,4 @@
-//! The common part of strips: half-planes in the order of their directions, and convex polygons cut by a line.
+//! Half-plane intersection in the plane: half-planes in the order of their directions, and convex polygons cut by a line.
 
 /// A corner of a convex polygon, counter-clockwise, and the half-plane whose edge begins there.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,4 +1,4 @@
-//! Strips from masks of whole pixels.
+//! Strips from binary masks.
 
 use super::sight::{Line, Sight, push_crossing};
 use super::{RowGrid, SliceError, Strips};

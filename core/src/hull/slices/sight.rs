@@ -1,10 +1,11 @@
-//! Where a slice lies in a picture: level parallel rays see a horizontal plane as a line.
+//! Epipolar lines of level parallel rays: a horizontal plane is seen as a line of the picture.
 
 use super::SliceError;
 use crate::geometry::Projection;
 use crate::hull::Cone;
 
-/// How far a view's rays may rise over their length (the tangent of their elevation) and still count as level: a nanometre over a millimetre.
+/// How far a view's rays may rise over their length (the tangent of their elevation) and still count as level: a nanometre over
+/// a millimetre.
 const MOST_ELEVATION: f64 = 1e-6;
 
 /// A view's angle, and its picture of the plane across its rays through the axis: the point `u` mm right of the axis

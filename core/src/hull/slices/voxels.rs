@@ -1,4 +1,4 @@
-//! Voxels, a bit each, written from the slices.
+//! Voxelisation of the slices, a bit a voxel.
 
 use super::cut::Corner;
 use super::{SliceError, SlicedHull};

@@ -1,4 +1,4 @@
-//! A figure of a view, its limit and the verdict.
+//! Checks: a figure of a view, its limit, the verdict and the remedy.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! How sharp a picture is by itself: a figure to focus by.
+//! Focus measure of a picture (Tenengrad): a figure to focus by.
 
 use crate::silhouette::Picture;
 use rayon::prelude::*;
