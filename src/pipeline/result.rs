@@ -2,7 +2,7 @@
 
 use super::convergence::Convergence;
 use super::merge::MergeResult;
-use super::stand::ContactPatch;
+use super::pedestal::ContactPatch;
 use grainrig_core::calibrate::{AxisMethod, Calibration};
 use grainrig_core::geometry::Aabb;
 use grainrig_core::hull::estimate::{Share, Signs, VolumeEstimate};
