@@ -4,7 +4,8 @@
 //! facet (a ≤ b ≤ c, area A):   R = abc/(4A) ≤ surface_size_mm       (size_at_contact_mm where plates will touch)
 //!                              sin α = a/(2R) = 2A/(bc) ≥ sin facet_angle_deg
 //! cell (volume V):             V ≤ tet_volume_mm3
-//! surface:                     max(sup |f| over the facets, sup distance of body points from the facets) ≤ distance_mm
+//! surface:                     |f| at the facets' corners, edge middles and centres ≤ distance_mm,
+//!                              distance of points of the body's surface from the facets ≤ distance_mm
 //! ```
 //!
 //! These are the criteria of Delaunay refinement (Boissonnat and Oudot, Graph. Models 67, 2005: angle, size and distance of a
