@@ -122,7 +122,7 @@ pub struct Doubt {
 }
 
 impl Quantity {
-    /// The doubt at a value outside the limits. Of what is not finite, or nought, or negative, there is no doubt: that is for
+    /// The doubt at a value outside the limits. Of what is not finite, or zero, or negative, there is no doubt: that is for
     /// the setting's own check to refuse.
     pub fn doubt(&self, value: f64) -> Option<Doubt> {
         let fits = self.low < value && value < self.high;

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 pub struct Fields {
     /// Cauchy's stress: xx, yy, zz, yz, xz, xy, MPa; tension is positive.
     pub stress_mpa: Vec<[f64; 6]>,
-    /// Equivalent plastic strain; nought where the material is elastic.
+    /// Equivalent plastic strain; zero where the material is elastic.
     pub plastic_strain: Vec<f64>,
 }
 

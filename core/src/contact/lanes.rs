@@ -12,7 +12,7 @@ pub(super) type Matrices = [Lane; 9];
 /// Three figures of a node.
 pub(super) type Node = [f64; 3];
 
-/// Eight elements as they were meshed. A lane that no element fills has the volume nought and another's shape.
+/// Eight elements as they were meshed. A lane that no element fills has the volume zero and another's shape.
 #[derive(Debug, Clone)]
 pub(super) struct Batch {
     /// Gradients of the shape functions of nodes 1, 2, 3, each (x, y, z); that of node 0 is minus their sum, 1/mm.

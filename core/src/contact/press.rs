@@ -162,7 +162,7 @@ pub struct Press {
     pub(super) speed_mm_s: f64,
     pub(super) step_s: f64,
     boundary: BoundaryFacets,
-    /// The plates' distance when the approach was nought, mm.
+    /// The plates' distance when the approach was zero, mm.
     gap_mm: f64,
     height_mm: f64,
     mass_t: f64,
@@ -187,7 +187,7 @@ impl Press {
         let asked =
             Plates { lower_mm: middle_mm - 0.5 * gap_mm, upper_mm: middle_mm + 0.5 * gap_mm, friction };
         // A mesh's nodes may lie a little outside the body that it stands for: then the plates begin at the nodes, and the
-        // approach below nought.
+        // approach below zero.
         let half = (0.5 * gap_mm).max(middle_mm - bottom).max(top - middle_mm);
         let plates = if half <= (1.0 + OUTSIDE) * 0.5 * gap_mm {
             Plates { lower_mm: middle_mm - half, upper_mm: middle_mm + half, friction }
@@ -269,7 +269,7 @@ impl Press {
         self.samples.last().map_or(0.0, |s| self.loading.done_at(s))
     }
 
-    /// The positions of the mesh's nodes now, mm, with the lower plate at the height nought, and that of the upper plate.
+    /// The positions of the mesh's nodes now, mm, with the lower plate at the height zero, and that of the upper plate.
     pub fn positions_mm(&self) -> (Vec<Point>, f64) {
         let mut out = vec![Point::origin(); self.body.nodes()];
         for (n, x) in self.dynamics.positions.iter().enumerate() {

@@ -80,7 +80,7 @@ pub fn transition(curve: &[CurvePoint], force_n: f64) -> Option<Transition> {
 /// Hertz' law fitted to a curve: `F = 4/3 E* √R ((δ − δ₀)/2)^(3/2)`, a contact at each plate; `F^(2/3)` is linear in δ.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct HertzFit {
-    /// Where the law's force would be nought, mm of the plates' approach.
+    /// Where the law's force would be zero, mm of the plates' approach.
     pub origin_mm: f64,
     /// E* of a sphere as high as the grain that follows the law, MPa.
     pub contact_modulus_mpa: f64,

@@ -55,8 +55,8 @@ impl Rigid {
 
 impl Sums {
     fn none() -> Self {
-        let nought = Vector3::zeros();
-        Self { mass: 0.0, first: nought, second: Matrix3::zeros(), momentum: nought, moment: nought }
+        let zero = Vector3::zeros();
+        Self { mass: 0.0, first: zero, second: Matrix3::zeros(), momentum: zero, moment: zero }
     }
 
     fn of(mass: &[f64], positions: &[Node], velocities: &[Node]) -> Self {

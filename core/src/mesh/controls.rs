@@ -41,7 +41,7 @@ pub struct Controls {
     /// mm; from there the elements grow into the body. `None`: as everywhere.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub size_at_contact_mm: Option<f64>,
-    /// How far below the highest and above the lowest place the contacts reach, mm; `None`: 2 % of the height.
+    /// How far below the highest and above the lowest point the contacts reach, mm; `None`: 2 % of the height.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub contact_depth_mm: Option<f64>,
 }

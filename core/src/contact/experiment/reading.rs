@@ -30,7 +30,7 @@ const DRIFT: usize = 16;
 const AGAIN: usize = 3;
 /// Rows without which there is no noise to speak of.
 const LEAST: usize = 3;
-/// The rise that is drawn back to nought has so many rows at least, and ends at so many thresholds.
+/// The rise that is drawn back to zero has so many rows at least, and ends at so many thresholds.
 const RISE: usize = 5;
 const FAINT: f64 = 20.0;
 /// Powers of the approach with which a force may rise: a flat or tilting grain, a smooth round one (Hertz), a rough one.
@@ -64,7 +64,7 @@ pub struct Reading {
     pub noise_n: Option<f64>,
     /// How far the force must be above its zero for contact, N.
     pub contact_n: f64,
-    /// Displacement at contact, mm, in the file's own sign: the approach's zero, where the first rise is nought when it is drawn back.
+    /// Displacement at contact, mm, in the file's own sign: the approach's zero, where the first rise is zero when it is drawn back.
     pub contact_mm: f64,
     /// How far apart rows are there, mm: contact is not known better.
     pub spacing_mm: f64,
@@ -188,7 +188,7 @@ impl Experiment {
         (10 * (self.force_n.len() - once.force_n.len()) >= self.force_n.len().max(10)).then_some(once)
     }
 
-    /// Where the grain was met, mm: the first rise above the noise, drawn back to nought by the law that fits it best. A
+    /// Where the grain was met, mm: the first rise above the noise, drawn back to zero by the law that fits it best. A
     /// load cell shows nothing of the first micrometre of a round contact.
     fn origin(&self, force: &[f64], from: usize, before: &Before, way: f64) -> f64 {
         let Before { met, zero, threshold, .. } = *before;
@@ -334,7 +334,7 @@ fn crossings(curve: &[CurvePoint], force_n: f64, noise_n: f64) -> Option<(f64, f
     groups.first().map(middle).zip(groups.last().map(middle))
 }
 
-/// Where k (x − x₀)^power is nought for the k and x₀ that fit the rise best, and the mean square of what is left of all rows, N².
+/// Where k (x − x₀)^power is zero for the k and x₀ that fit the rise best, and the mean square of what is left of all rows, N².
 fn back(rise: &[[f64; 2]], all: &[[f64; 2]], power: f64) -> Option<[f64; 2]> {
     let n = rise.len() as f64;
     let y = |p: &[f64; 2]| p[1].powf(1.0 / power);
@@ -436,7 +436,7 @@ fn spread(values: &[f64]) -> f64 {
     1.4826 * median(values.iter().map(|v| (v - middle).abs()).collect())
 }
 
-/// The middle value; nought of none.
+/// The middle value; zero of none.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     let n = values.len();
