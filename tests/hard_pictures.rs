@@ -9,7 +9,7 @@ use grainrig::rig::{Camera as _, RotationStage as _};
 use grainrig_core::formats::decode;
 use grainrig_core::geometry::Angle;
 use grainrig_core::hull::{Cone, HullGrid, find_bounds};
-use grainrig_core::silhouette::{Found, Picture, Settings, find};
+use grainrig_core::silhouette::{Picture, Segmentation, Settings, find};
 use skip::shared_data;
 use std::path::Path;
 use std::process::Command;
@@ -28,7 +28,7 @@ impl Chance {
 struct Clean {
     name: String,
     picture: Picture,
-    found: Found,
+    found: Segmentation,
 }
 
 /// Grains before a bright and before a dark background; rendered ones too, where they are there.
@@ -58,7 +58,7 @@ fn clean() -> &'static [Clean] {
     })
 }
 
-fn seen(picture: &Picture) -> Found {
+fn seen(picture: &Picture) -> Segmentation {
     find(picture, None, &Settings::default()).unwrap()
 }
 
@@ -157,7 +157,7 @@ fn salt_and_pepper_leave_the_volume_of_an_imported_grain_as_it_is() {
 }
 
 /// A place on the outline's right side, at a share of its height from its top, and the grain's longer side.
-fn right_side(found: &Found, share: f64) -> ([f64; 2], f64) {
+fn right_side(found: &Segmentation, share: f64) -> ([f64; 2], f64) {
     let s = &found.silhouette;
     let extents = s.extents_px();
     let filled: Vec<usize> = (0..extents.len()).filter(|&k| extents[k].is_some()).collect();

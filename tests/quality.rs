@@ -5,8 +5,8 @@ use grainrig::rig::{Camera as _, RotationStage as _};
 use grainrig_core::formats::decode;
 use grainrig_core::geometry::Angle;
 use grainrig_core::silhouette::{
-    self, Check, Found, Picture, Placed, Source, Traits, Verdict, ViewQuality, against, assess, between,
-    joint_stand,
+    self, Check, Picture, Segmentation, Source, Traits, Verdict, ViewQuality, ViewTraits, against, assess,
+    between, pedestal_consensus,
 };
 use rayon::prelude::*;
 use skip::shared_data;
@@ -52,10 +52,10 @@ fn taken(settings: &Settings, views: usize) -> Vec<Seen> {
         .collect()
 }
 
-fn placed(views: &[Seen]) -> Vec<Placed<'_>> {
+fn placed(views: &[Seen]) -> Vec<ViewTraits<'_>> {
     let place = |(index, v)| {
         let Seen { angle_deg, traits, .. }: &Seen = v;
-        Placed { index, angle_deg: *angle_deg, traits }
+        ViewTraits { index, angle_deg: *angle_deg, traits }
     };
     views.iter().enumerate().map(place).collect()
 }
@@ -71,7 +71,7 @@ fn alarms(views: &[Seen]) -> Vec<(usize, &'static str, Verdict)> {
         found.extend(gate.into_iter().filter(|c| c.verdict == Verdict::Bad).map(|c| (k, c)));
     }
     let told = found.into_iter().filter(|(_, c)| c.verdict != Verdict::Good);
-    told.inspect(|(k, c)| println!("view {k}: {:?} {}", c.verdict, c.told()))
+    told.inspect(|(k, c)| println!("view {k}: {:?} {}", c.verdict, c.sentence()))
         .map(|(k, c)| (k, c.name, c.verdict))
         .collect()
 }
@@ -281,7 +281,7 @@ fn sized(size_px: f64, seed: u64) -> Settings {
 /// Views over half a turn and the one that closes it, as a plan takes them.
 fn plan(settings: &Settings, views: usize) -> Vec<Seen> {
     let (mut stage, mut camera, _) = simulated::open(settings).unwrap();
-    let mut made: Vec<(Found, Seen)> = (0..=views)
+    let mut made: Vec<(Segmentation, Seen)> = (0..=views)
         .map(|n| {
             let deg = 180.0 * n as f64 / views as f64;
             stage.move_to(Angle::from_deg(deg)).unwrap();
@@ -293,7 +293,7 @@ fn plan(settings: &Settings, views: usize) -> Vec<Seen> {
         .collect();
     // As in the pipeline: every view is cut where all of them show the pedestal's top.
     let own: Vec<_> = made.iter().map(|(found, _)| found.report.pedestal).collect();
-    if let Some(stand) = joint_stand(&own) {
+    if let Some(stand) = pedestal_consensus(&own) {
         for (found, seen) in &mut made {
             found.recut(stand.seen_by(found.report.pedestal));
             seen.traits.take_outline(&found.silhouette);
@@ -393,7 +393,7 @@ fn what_reaches_the_bottom_end_may_be_the_pedestal_until_all_views_have_told() {
     let mut quality = seen(&cut, None, None).quality;
     let border = |q: &ViewQuality| q.checks.iter().find(|c| c.name == "border").unwrap().clone();
     assert_eq!(border(&quality).verdict, Verdict::Doubtful);
-    let told = border(&quality).told();
+    let told = border(&quality).sentence();
     assert!(told.contains("bottom end") && told.contains("not recognised as a pedestal"), "{told}");
     quality.state_border([false; 4]);
     assert_eq!((border(&quality).verdict, border(&quality).remedy), (Verdict::Good, None));
@@ -424,8 +424,8 @@ fn a_thin_flake_seen_edge_on_is_no_outlier_and_a_wrong_area_is_found_in_its_plac
     let angles: Vec<f64> = (0..26).map(|n| 7.2 * f64::from(n)).collect();
     let flake = || angles.iter().map(|deg| slab(100.0, 2.5, *deg)).collect::<Vec<_>>();
     let judged = |traits: &[Traits]| {
-        let place = |(index, t)| Placed { index, angle_deg: Some(angles[index]), traits: t };
-        let placed: Vec<Placed> = traits.iter().enumerate().map(place).collect();
+        let place = |(index, t)| ViewTraits { index, angle_deg: Some(angles[index]), traits: t };
+        let placed: Vec<ViewTraits> = traits.iter().enumerate().map(place).collect();
         let not_good = |checks: Vec<Check>| {
             checks.into_iter().filter(|c| c.verdict != Verdict::Good).map(|c| c.name).collect::<Vec<_>>()
         };
@@ -465,8 +465,8 @@ fn neighbours_are_only_compared_where_the_angles_are_known_and_near() {
         ([None; 3], &["duplicate"][..]),
         (far, &["duplicate", "focus_change", "exposure", "clipping_change"]),
     ] {
-        let place = |(index, t)| Placed { index, angle_deg: angles[index], traits: t };
-        let placed: Vec<Placed> = odd.iter().enumerate().map(place).collect();
+        let place = |(index, t)| ViewTraits { index, angle_deg: angles[index], traits: t };
+        let placed: Vec<ViewTraits> = odd.iter().enumerate().map(place).collect();
         for checks in between(&placed) {
             assert_eq!(checks.iter().map(|c| c.name).collect::<Vec<_>>(), expected);
             assert!(checks.iter().all(|c| c.verdict == Verdict::Good));

@@ -6,7 +6,7 @@ mod skip;
 
 use grainrig_core::formats::decode;
 use grainrig_core::formats::stl;
-use grainrig_core::silhouette::{Found, Picture, Settings, Source, find};
+use grainrig_core::silhouette::{Picture, Segmentation, Settings, Source, find};
 use serde_json::Value;
 use skip::shared_data;
 use std::path::{Path, PathBuf};
@@ -155,7 +155,7 @@ struct Comparison {
     otsu: [f64; 2],
 }
 
-fn compare(truth: &[f64], camera: &Camera, found: &Found) -> Comparison {
+fn compare(truth: &[f64], camera: &Camera, found: &Segmentation) -> Comparison {
     let s = &found.silhouette;
     let [width, height] = s.picture;
     let (mut both, mut either, mut area) = (0_u32, 0_u32, 0.0);

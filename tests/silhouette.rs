@@ -4,8 +4,8 @@ use grainrig::rig::{Camera as _, RotationStage as _, simulated};
 use grainrig_core::formats::{Photograph, decode};
 use grainrig_core::geometry::Angle;
 use grainrig_core::silhouette::{
-    Channel, Found, Holes, PedestalMode, Picture, Polarity, Settings, Silhouette, SilhouetteError, Source,
-    find,
+    Channel, Holes, PedestalMode, Picture, Polarity, Segmentation, Settings, Silhouette, SilhouetteError,
+    Source, find,
 };
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -79,11 +79,11 @@ fn disc(centre: [f64; 2], radius: f64) -> impl Fn(f64, f64) -> f64 {
     move |x, y| (x - centre[0]).hypot(y - centre[1]) - radius
 }
 
-fn seen(picture: &Picture) -> Found {
+fn seen(picture: &Picture) -> Segmentation {
     find(picture, None, &Settings::default()).unwrap()
 }
 
-fn assert_area(found: &Found, expected: f64, what: &str) {
+fn assert_area(found: &Segmentation, expected: f64, what: &str) {
     let off = found.report.area_px / expected - 1.0;
     assert!(off.abs() < 0.002, "{what}: area off by {:.3} %", 100.0 * off);
     assert!((found.silhouette.area_px() / expected - 1.0).abs() < 0.002, "{what}");

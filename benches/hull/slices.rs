@@ -9,7 +9,7 @@ use super::common::{median_s, tell};
 use grainrig_core::calibrate::Turntable;
 use grainrig_core::geometry::{Angle, Point, Projection};
 use grainrig_core::hull::Cone;
-use grainrig_core::hull::slices::{BitMask, Ladder, SlicedHull, Strips, VoxelGrid};
+use grainrig_core::hull::slices::{BitMask, RowGrid, SlicedHull, Strips, VoxelGrid};
 use grainrig_core::silhouette::Silhouette;
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -106,9 +106,9 @@ pub fn run() {
     println!("peak memory with the masks as bytes: {}", told_peak());
     let pack = || -> Vec<BitMask> { masks.par_iter().map(|m| BitMask::from_bytes(SIDE, m)).collect() };
     let packed = pack();
-    let ladder = Ladder::of_rows(&cameras[0], SIDE).expect("rows");
+    let row_grid = RowGrid::of_rows(&cameras[0], SIDE).expect("rows");
     let read = |masks: &[BitMask]| -> Vec<Strips> {
-        let strips = masks.par_iter().zip(&cameras).map(|(m, c)| Strips::from_mask(m, c, ladder));
+        let strips = masks.par_iter().zip(&cameras).map(|(m, c)| Strips::from_mask(m, c, row_grid));
         strips.collect::<Result<_, _>>().expect("strips")
     };
     let hull_of = |masks: &[BitMask]| SlicedHull::new(&read(masks)).expect("a hull");
@@ -143,11 +143,11 @@ pub fn run() {
     println!("rows × views: time of cutting the slices and their volume, and per row and view");
     for views in [6, 12, 25, 50] {
         for rows in [320, 640, 1280] {
-            let ladder = Ladder::tiling([0.1, 1.1], 1.000_001 / f64::from(rows)).expect("rows");
+            let row_grid = RowGrid::tiling([0.1, 1.1], 1.000_001 / f64::from(rows)).expect("rows");
             let strips: Vec<Strips> = (0..views)
                 .map(|k| {
                     let angle = PI * f64::from(k) / f64::from(views);
-                    Strips::from_fn(ladder, angle, |z, out| intervals(angle, z, out)).expect("strips")
+                    Strips::from_fn(row_grid, angle, |z, out| intervals(angle, z, out)).expect("strips")
                 })
                 .collect();
             let s = median_s(|| SlicedHull::new(&strips).expect("a hull").volume_mm3());

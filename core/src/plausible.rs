@@ -1,5 +1,5 @@
 //! Slips of unit: a figure that no laboratory has, but would have in another unit, is refused with the one that was
-//! probably meant, unless whoever gave it says that it is meant so.
+//! probably meant, unless whoever gave it confirms that it is meant so.
 
 use std::fmt;
 
@@ -9,13 +9,13 @@ pub struct Slip {
     /// What was given, times this, is what was meant.
     pub factor: f64,
     /// What was given instead.
-    pub said: &'static str,
+    pub form: &'static str,
     /// Below this it is not that.
     pub from: f64,
 }
 
-const fn slip(factor: f64, said: &'static str) -> Slip {
-    Slip { factor, said, from: 0.0 }
+const fn slip(factor: f64, form: &'static str) -> Slip {
+    Slip { factor, form, from: 0.0 }
 }
 
 const OF_MM: &[Slip] = &[slip(1e-3, "in µm"), slip(1e3, "in m"), slip(10.0, "in cm")];
@@ -23,7 +23,7 @@ const OF_MM3: &[Slip] = &[slip(1e-9, "in µm³"), slip(1e9, "in m³")];
 const OF_MPA: &[Slip] = &[slip(1e3, "in GPa"), slip(1e-3, "in kPa"), slip(1e-6, "in Pa")];
 const OF_N: &[Slip] = &[slip(1e-3, "in mN"), slip(1e3, "in kN")];
 // A ratio that is a little too large is no percentage.
-const OF_SHARE: &[Slip] = &[Slip { factor: 1e-2, said: "in per cent", from: 2.0 }];
+const OF_SHARE: &[Slip] = &[Slip { factor: 1e-2, form: "in per cent", from: 2.0 }];
 
 /// A figure that a person gives, and what it is in any laboratory.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -122,7 +122,7 @@ pub struct Doubt {
 }
 
 impl Quantity {
-    /// The doubt at a value outside the limits. Of what is not finite, or nought, or negative, nothing is said: that is for
+    /// The doubt at a value outside the limits. Of what is not finite, or zero, or negative, there is no doubt: that is for
     /// the setting's own check to refuse.
     pub fn doubt(&self, value: f64) -> Option<Doubt> {
         let fits = self.low < value && value < self.high;
@@ -154,7 +154,7 @@ impl Doubt {
     pub fn meant(&self) -> Option<(f64, &'static str)> {
         let q = &self.quantity;
         let fits = |s: &&Slip| self.value >= s.from && (q.low..q.high).contains(&(self.value * s.factor));
-        q.slips.iter().find(fits).map(|s| (self.value * s.factor, s.said))
+        q.slips.iter().find(fits).map(|s| (self.value * s.factor, s.form))
     }
 
     /// How much too large the figure is by its slip: what it should be multiplied by.
@@ -170,7 +170,7 @@ impl Doubt {
     }
 
     /// What is wrong with it, without what to do.
-    fn told(&self) -> String {
+    fn sentence(&self) -> String {
         let q = &self.quantity;
         let gap = if q.unit.is_empty() || q.unit == "°" { "" } else { " " };
         let above = if q.low > 0.0 { format!("above {} and ", figure(q.low)) } else { String::new() };
@@ -187,19 +187,19 @@ impl Doubt {
 
     /// For a result: the figure was taken as it is.
     pub fn note(&self) -> String {
-        format!("taken as given: {}", self.told())
+        format!("taken as given: {}", self.sentence())
     }
 }
 
 impl fmt::Display for Doubt {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.told())?;
+        write!(f, "{}", self.sentence())?;
         let q = &self.quantity;
         let gap = if q.unit.is_empty() || q.unit == "°" { "" } else { " " };
         match (&self.instead, self.meant()) {
             (Some(instead), _) => write!(f, ": did you mean {instead}?")?,
-            (None, Some((meant, said))) => {
-                write!(f, ": did you mean {}{gap}{} (it looks given {said})?", figure(meant), q.unit)?;
+            (None, Some((meant, form))) => {
+                write!(f, ": did you mean {}{gap}{} (it looks given {form})?", figure(meant), q.unit)?;
             }
             (None, None) => write!(f, ": check its unit")?,
         }
@@ -209,7 +209,7 @@ impl fmt::Display for Doubt {
 
 impl std::error::Error for Doubt {}
 
-/// Whether figures may be used: the first doubt where nobody has said that they are meant so, else a note for each.
+/// Whether figures may be used: the first doubt where nobody has confirmed that they are meant so, else a note for each.
 ///
 /// # Errors
 /// The first [`Doubt`].
@@ -220,7 +220,7 @@ pub fn settle(doubts: Vec<Doubt>, as_given: bool) -> Result<Vec<String>, Doubt> 
     doubts.into_iter().next().map_or_else(|| Ok(Vec::new()), Err)
 }
 
-/// The first doubt whose slip is known, where nobody has said that the figure is meant so: told before a setting's own
+/// The first doubt whose slip is known, where nobody has confirmed that the figure is meant so: reported before a setting's own
 /// limits are.
 ///
 /// # Errors
@@ -264,7 +264,7 @@ mod tests {
 
     #[test]
     fn a_slip_is_named_with_what_was_meant() {
-        let says = |q: &Quantity, x: f64| q.doubt(x).map_or_else(String::new, |d| d.to_string());
+        let message = |q: &Quantity, x: f64| q.doubt(x).map_or_else(String::new, |d| d.to_string());
         for (q, given, meant) in [
             (MM_PER_PX, 4.3, "did you mean 0.0043 mm (it looks given in µm)?"),
             (MM_PER_PX, 4.3e-6, "did you mean 0.0043 mm (it looks given in m)?"),
@@ -284,7 +284,7 @@ mod tests {
             (VIEW_STEP, 0.1257, "did you mean 7.202° (it looks given in radians)?"),
             (TIME_STEP, 1e-3, "did you mean 1e-12 s (it looks given in ns)?"),
         ] {
-            let text = says(&q, given);
+            let text = message(&q, given);
             assert!(text.contains(meant) && text.contains("--as-given"), "{given}: {text}");
         }
     }
@@ -305,7 +305,7 @@ mod tests {
         ] {
             assert_eq!(q.doubt(good), None, "{} {good}", q.name);
         }
-        // Wrong, but no slip of unit: what is wrong with it is for the material to say.
+        // Wrong, but no slip of unit: what is wrong with it is for the material to find.
         assert_eq!(POISSON.doubt(0.5).unwrap().meant(), None);
         for none in [f64::NAN, f64::INFINITY, 0.0, -1.0] {
             assert_eq!(YOUNG.doubt(none), None);

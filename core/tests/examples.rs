@@ -1,4 +1,4 @@
-//! The examples do what they say.
+//! The examples do what their titles promise.
 
 #[path = "../examples/body_to_abaqus.rs"]
 mod body_to_abaqus;

@@ -115,8 +115,8 @@ pub(super) fn outwards(surface: TriangleMesh, path: &Path) -> Result<(Solid, boo
         say(format!("{}: it was inside out; all its triangles are turned outwards", path.display()));
     }
     if let Some([first, second]) = solid.crossing() {
-        let place = solid.surface().corners(first)[0];
-        return Err(MeshError::Crossing { first, second, place }).with_context(name);
+        let point = solid.surface().corners(first)[0];
+        return Err(MeshError::Crossing { first, second, point }).with_context(name);
     }
     Ok((solid, inwards))
 }
@@ -175,7 +175,7 @@ fn voxels(path: &Path, unit: Unit, threshold: Option<f64>) -> Result<Input> {
             sides.join(", ")
         ));
     }
-    let (box_mm, places) = (edges, body.places());
+    let (box_mm, places) = (edges, body.surface_points());
     let what = "voxels";
     Ok(Input { volume_mm3, what, box_mm, moved_mm, places, turned: false, bytes, body: Box::new(body) })
 }

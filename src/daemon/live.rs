@@ -9,7 +9,7 @@ use super::recorded::{
 use super::{DaemonError, Watcher};
 use crate::acquire::{self, Control, Judge, Outcome, QualityMode, SessionSink, SystemClock};
 use crate::config::{CameraKind, Config, ConfigError, RigKind, ServeSettings};
-use crate::pipeline::{Cameras, CutOut, Gate, MeshSettings, Reconstruction, View};
+use crate::pipeline::{Cameras, Gate, MeshSettings, Reconstruction, SegmentedPicture, View};
 use crate::rig::Frame;
 use crate::rig::simulated::TruthHandle;
 use crate::session::event::CapturedView;
@@ -102,7 +102,7 @@ struct Examiner<'a> {
 
 impl Judge for Examiner<'_> {
     /// Where there is a gate, what it has cut out.
-    type Seen = Option<CutOut>;
+    type Seen = Option<SegmentedPicture>;
 
     fn examine(&mut self, view: &PlannedView, reached: Angle, frame: &Frame) -> Result<Self::Seen, String> {
         self.gate.as_ref().map(|gate| gate.examine(view.index, reached, &frame.bytes)).transpose()
@@ -111,7 +111,7 @@ impl Judge for Examiner<'_> {
     fn kept(&mut self, view: CapturedView, frame: Frame, seen: Self::Seen) {
         let view = View::recorded(&view, frame.bytes);
         let view = match (&mut self.gate, seen) {
-            (Some(gate), Some(cut_out)) => gate.pass(view, cut_out),
+            (Some(gate), Some(segmented)) => gate.pass(view, segmented),
             _ => view,
         };
         // A pipeline that has failed takes no more views; the capture goes on all the same.

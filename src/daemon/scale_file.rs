@@ -2,7 +2,7 @@
 
 use super::DaemonError;
 use crate::session::read_named;
-use grainrig_core::calibrate::{How, Measured, Parts};
+use grainrig_core::calibrate::{How, Measured, UncertaintyBudget};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -34,7 +34,7 @@ pub struct ScaleFile {
     /// Size of a pixel at the rotation axis, mm.
     pub mm_per_px: Measured,
     /// What makes up its uncertainty, each over the value.
-    pub relative_sigma: Parts,
+    pub relative_sigma: UncertaintyBudget,
     /// The body that was photographed.
     pub body: BodyKind,
     /// Its diameter, mm.

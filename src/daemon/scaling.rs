@@ -4,10 +4,10 @@ use super::DaemonError;
 use super::scale_file::{BodyKind, PictureScale, ScaleFile};
 use crate::pipeline::PipelineError;
 use crate::session::import::{SourceImage, photographs};
-use grainrig_core::calibrate::{Gauge, ScaleError, Sighting, fit_disc, fit_sides, pixel_size};
+use grainrig_core::calibrate::{Artefact, Observation, ScaleError, fit_disc, fit_sides, pixel_size};
 use grainrig_core::formats::decode;
 use grainrig_core::geometry::Angle;
-use grainrig_core::silhouette::{self, Found, PedestalMode, Picture, Side, Source};
+use grainrig_core::silhouette::{self, PedestalMode, Picture, Segmentation, Side, Source};
 use std::path::PathBuf;
 
 /// How far all outlines may lie to one side of the true edge, as a share of their blur's standard deviation. Half-way
@@ -73,7 +73,7 @@ pub fn calibrate_scale(request: &ScaleRequest) -> Result<ScaleFile, DaemonError>
         warnings.extend(said.into_iter().map(|w| format!("{}: {w}", image.name)));
     }
     let middle = |size: u32| 0.5 * (f64::from(size) - 1.0);
-    let gauge = Gauge {
+    let gauge = Artefact {
         diameter_mm: request.diameter_mm,
         tolerance_mm: request.tolerance_mm,
         camera_distance_mm: request.camera_distance_mm,
@@ -97,7 +97,7 @@ pub fn calibrate_scale(request: &ScaleRequest) -> Result<ScaleFile, DaemonError>
         version,
         software: concat!("grainrig ", env!("CARGO_PKG_VERSION")).into(),
         mm_per_px: scale.mm_per_px,
-        relative_sigma: scale.parts,
+        relative_sigma: scale.budget,
         body: request.body,
         diameter_mm: request.diameter_mm,
         tolerance_mm: request.tolerance_mm,
@@ -135,7 +135,7 @@ impl ScaleRequest {
         image: &SourceImage,
         background: Option<&Picture>,
         angle: Option<Angle>,
-    ) -> Result<(Sighting, PictureScale, Vec<String>), DaemonError> {
+    ) -> Result<(Observation, PictureScale, Vec<String>), DaemonError> {
         let fail = |reason: String| DaemonError::Body { file: image.name.clone(), reason };
         let picture = picture(image)?;
         let (found, cut_below) =
@@ -171,7 +171,7 @@ impl ScaleRequest {
                 (sides.half_width_px, sides.sigma_px, sides.residual_px, sides.center_px, None)
             }
         };
-        let sighting = Sighting {
+        let sighting = Observation {
             radius_px,
             sigma_px,
             center_px,
@@ -199,7 +199,7 @@ impl ScaleRequest {
         &self,
         picture: &Picture,
         background: Option<&dyn Source>,
-    ) -> Result<(Found, bool), String> {
+    ) -> Result<(Segmentation, bool), String> {
         let first = silhouette::find(picture, background, &self.silhouette);
         if self.body == BodyKind::Ball {
             return first.map(|f| (f, false)).map_err(|e| e.to_string());

@@ -1,11 +1,11 @@
 //! Each view's camera: given, or measured from the silhouettes.
 
-use super::reconstruct::Taken;
+use super::reconstruct::SegmentedView;
 use super::result::AxisResult;
 use super::{Cameras, PipelineError, TurntableSettings};
-use grainrig_core::calibrate::{self, Calibration, Known, SeenView, Upright, calibrate};
+use grainrig_core::calibrate::{self, Calibration, Known, PedestalObservation, SeenView, calibrate};
 use grainrig_core::geometry::Projection;
-use grainrig_core::silhouette::{Silhouette, Stand, Verdict};
+use grainrig_core::silhouette::{PedestalConsensus, Silhouette, Verdict};
 
 /// The cameras, and what was measured to get them.
 pub(super) struct Measured {
@@ -21,39 +21,39 @@ pub(super) struct Measured {
 pub(super) fn cameras_of(
     cameras: &Cameras,
     full_step_deg: f64,
-    taken: &[Taken],
-    stand: Option<&Stand>,
+    segmented: &[SegmentedView],
+    consensus: Option<&PedestalConsensus>,
     warnings: &mut Vec<String>,
 ) -> Result<Measured, PipelineError> {
     let table = match cameras {
         Cameras::Given { projections, .. } => {
-            let pick = |t: &Taken| {
+            let pick = |t: &SegmentedView| {
                 let missing = PipelineError::NoCamera { view: t.index, cameras: projections.len() };
                 projections.get(t.index).cloned().ok_or(missing)
             };
-            let projections = taken.iter().map(pick).collect::<Result<_, _>>()?;
+            let projections = segmented.iter().map(pick).collect::<Result<_, _>>()?;
             return Ok(Measured { projections, axis: None, calibration: None });
         }
         Cameras::Turntable(table) => table,
     };
-    if taken.is_empty() {
+    if segmented.is_empty() {
         return Err(grainrig_core::hull::HullError::NoViews.into());
     }
-    let origin_row_px = stand.map_or_else(
+    let origin_row_px = consensus.map_or_else(
         || {
             warnings.push("no pedestal was found: z = 0 is the lowest row of the silhouettes".into());
-            taken.iter().map(|t| lowest_row(&t.silhouette)).fold(0.0, f64::max)
+            segmented.iter().map(|t| lowest_row(&t.silhouette)).fold(0.0, f64::max)
         },
         |s| s.top_row_px.value,
     );
-    let views: Vec<SeenView> = (taken.iter().enumerate())
+    let views: Vec<SeenView> = (segmented.iter().enumerate())
         .map(|(k, t)| SeenView {
             index: t.index,
             angle: t.angle,
             silhouette: &t.silhouette,
             bad: t.quality.as_ref().is_some_and(|q| q.verdict == Verdict::Bad),
             // Its lean as this view saw it: a tilted tube leans now to one side, now to the other.
-            pedestal: stand.and_then(|s| s.own.get(k).copied().flatten()).map(|p| Upright {
+            pedestal: consensus.and_then(|s| s.own.get(k).copied().flatten()).map(|p| PedestalObservation {
                 top_px: [p.centre_column, p.top_row],
                 lean_rad: -p.top_slope.atan(),
                 length_px: p.side_px(t.silhouette.picture[1]),
@@ -61,7 +61,7 @@ pub(super) fn cameras_of(
         })
         .collect();
     let (mut calibration, axis) = calibrate(&views, &known(table, full_step_deg, origin_row_px))?;
-    for (view, t) in calibration.views.iter_mut().zip(taken) {
+    for (view, t) in calibration.views.iter_mut().zip(segmented) {
         if let Some(quality) = &t.quality {
             view.verdict = view.verdict.max(quality.verdict);
             view.warnings.extend(quality.warnings());

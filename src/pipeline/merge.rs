@@ -210,7 +210,7 @@ fn common_box(a: &SeenPose, b: &SeenPose, motion: &Motion) -> Result<Aabb, Pipel
         grown.min.z -= depth;
         grown
     };
-    let moved = Aabb::of(roomy(b).corners().map(|p| motion.place(&p)));
+    let moved = Aabb::of(roomy(b).corners().map(|p| motion.transform(&p)));
     let empty = HullError::Empty { views: a.pose.views().len() + b.pose.views().len() };
     Ok(moved.and_then(|moved| roomy(a).intersection(&moved)).ok_or(empty)?)
 }

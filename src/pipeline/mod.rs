@@ -7,6 +7,7 @@
 mod cameras;
 mod convergence;
 mod merge;
+mod pedestal;
 mod pictures;
 mod pose;
 mod products;
@@ -14,22 +15,21 @@ mod quality;
 mod reconstruct;
 mod result;
 mod settings;
-mod stand;
 mod stream;
 
 pub use convergence::{CONVERGENCE, Convergence};
 pub use merge::{MergeResult, Merged, PoseResult, merge};
+pub use pedestal::ContactPatch;
 pub use pictures::{OUTLINE, SHEET};
 pub use pose::SeenPose;
 pub use products::{Product, products};
 pub use quality::Gate;
-pub use reconstruct::{Reconstruction, Taken};
+pub use reconstruct::{Reconstruction, SegmentedView};
 pub use result::{AxisResult, HullMethod, HullResult, MeshResult, ResultFile, Timing, ViewResult};
 pub use settings::{
     Cameras, HullSettings, LengthUnit, MeshSettings, ReportSettings, Settings, TurntableSettings,
 };
-pub use stand::ContactPatch;
-pub use stream::{CutOut, Observer, Pipeline, View};
+pub use stream::{Observer, Pipeline, SegmentedPicture, View};
 
 use grainrig_core::calibrate::AxisError;
 use grainrig_core::formats::ExportError;

@@ -1,7 +1,7 @@
 //! The products for a person's eye: each view's outline over its photograph, and the sheet of the calibration.
 
 use super::result::{AxisResult, ViewResult};
-use super::{Cameras, PipelineError, Product, Taken};
+use super::{Cameras, PipelineError, Product, SegmentedView};
 use crate::session::event::Role;
 use grainrig_core::calibrate::{Calibration, Measured};
 use grainrig_core::report::{Mark, Marks, Panel, Point, Series, Sheet};
@@ -15,8 +15,11 @@ pub const OUTLINE: &str = "outline_";
 const MOST_WARNINGS: usize = 12;
 
 /// Each view's outline over its photograph, as `outline_00.png` and so on.
-pub(super) fn outlines(taken: &[Taken], axis: Option<&AxisResult>) -> Result<Vec<Product>, PipelineError> {
-    let one = |t: &Taken| {
+pub(super) fn outlines(
+    segmented: &[SegmentedView],
+    axis: Option<&AxisResult>,
+) -> Result<Vec<Product>, PipelineError> {
+    let one = |t: &SegmentedView| {
         let file = format!("{OUTLINE}{:02}.png", t.index);
         let closing = if t.role == Role::Closing { " (closing)" } else { "" };
         let marks = Marks {
@@ -40,7 +43,7 @@ pub(super) fn outlines(taken: &[Taken], axis: Option<&AxisResult>) -> Result<Vec
                 .map_err(|e| PipelineError::Drawing { file: file.clone(), reason: e.to_string() }),
         )
     };
-    taken.par_iter().filter_map(one).collect()
+    segmented.par_iter().filter_map(one).collect()
 }
 
 /// A sheet, as SVG and PNG.
@@ -57,7 +60,7 @@ pub(super) fn sheet_files(name: &str, sheet: &Sheet) -> Result<[Product; 2], Pip
 /// What the sheet shows of a finished computation.
 pub(super) fn sheet(
     cameras: &Cameras,
-    taken: &[Taken],
+    segmented: &[SegmentedView],
     views: &[ViewResult],
     axis: Option<&AxisResult>,
     calibration: Option<&Calibration>,
@@ -75,8 +78,8 @@ pub(super) fn sheet(
             serde_json::to_value(a.method).ok().and_then(|m| m.as_str().map(str::to_owned)).unwrap_or_default()
         ));
     }
-    let of_views = |name: &str, value: &dyn Fn(&Taken) -> f64| {
-        let (low, high) = taken
+    let of_views = |name: &str, value: &dyn Fn(&SegmentedView) -> f64| {
+        let (low, high) = segmented
             .iter()
             .map(value)
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
@@ -84,14 +87,14 @@ pub(super) fn sheet(
     };
     figures.push(format!(
         "silhouettes of {} views: {}, {}, {} grey levels; {} px of blur",
-        taken.len(),
+        segmented.len(),
         of_views("contrast", &|t| t.found.report.contrast),
         of_views("noise", &|t| t.found.report.noise),
         of_views("threshold", &|t| t.found.report.threshold_used),
         of_views("", &|t| t.found.blur_px).trim()
     ));
     let mut all: Vec<String> = warnings.to_vec();
-    let of_one = taken
+    let of_one = segmented
         .iter()
         .flat_map(|t| t.found.report.warnings.iter().map(move |w| format!("view {}: {w}", t.index)));
     let each: Vec<String> = of_one.collect();
@@ -101,10 +104,10 @@ pub(super) fn sheet(
     }
     Sheet {
         title: String::new(),
-        panels: [extents(taken, axis), histogram(taken)]
+        panels: [extents(segmented, axis), histogram(segmented)]
             .into_iter()
             .chain(calibration.into_iter().flat_map(|c| [offsets(c), angles(c)]))
-            .chain([agreement(views), light(taken)])
+            .chain([agreement(views), light(segmented)])
             .collect(),
         figures,
         warnings: all,
@@ -136,9 +139,9 @@ fn camera_in_words(c: &Calibration) -> String {
         figure("axis at", &c.axis_column_px, " px", 2),
         figure("roll", &c.roll_deg, "°", 3),
         figure("distance", &c.camera_distance_mm, " mm", 1),
-        c.camera_distance_says,
+        c.camera_distance_note,
         figure("rays rise", &c.elevation_deg, "°", 2),
-        c.wobble_px,
+        c.radial_runout_px,
         c.residual_px
     )
 }
@@ -182,15 +185,15 @@ fn series(name: &str, joined: bool, points: Vec<Point>) -> Series {
 }
 
 /// The outline's ends in each view against the angle, and the axis between them.
-fn extents(taken: &[Taken], axis: Option<&AxisResult>) -> Panel {
-    let ends = |t: &Taken| {
+fn extents(segmented: &[SegmentedView], axis: Option<&AxisResult>) -> Panel {
+    let ends = |t: &SegmentedView| {
         let rows = t.silhouette.extents_px();
         let inside = || rows.iter().flatten();
         let left = inside().map(|e| e[0]).fold(f64::INFINITY, f64::min);
         let right = inside().map(|e| e[1]).fold(f64::NEG_INFINITY, f64::max);
         [left, right]
     };
-    let all: Vec<(f64, [f64; 2])> = taken.iter().map(|t| (t.angle.deg(), ends(t))).collect();
+    let all: Vec<(f64, [f64; 2])> = segmented.iter().map(|t| (t.angle.deg(), ends(t))).collect();
     let side = |k: usize| all.iter().map(|(a, e)| point(*a, e[k])).collect();
     let middle = all.iter().map(|(a, e)| point(*a, 0.5 * (e[0] + e[1]))).collect();
     Panel {
@@ -206,8 +209,8 @@ fn extents(taken: &[Taken], axis: Option<&AxisResult>) -> Panel {
 }
 
 /// The first view's histogram, and the thresholds that were read off it.
-fn histogram(taken: &[Taken]) -> Panel {
-    let Some(first) = taken.first() else { return Panel::default() };
+fn histogram(segmented: &[SegmentedView]) -> Panel {
+    let Some(first) = segmented.first() else { return Panel::default() };
     let report = &first.found.report;
     let counts =
         (first.found.histogram.bins()).map(|(level, n)| point(level, ((1 + n) as f64).log10())).collect();
@@ -236,8 +239,10 @@ fn agreement(views: &[ViewResult]) -> Panel {
 }
 
 /// Contrast and threshold over the views: whether the light has drifted.
-fn light(taken: &[Taken]) -> Panel {
-    let of = |value: &dyn Fn(&Taken) -> f64| taken.iter().map(|t| point(t.angle.deg(), value(t))).collect();
+fn light(segmented: &[SegmentedView]) -> Panel {
+    let of = |value: &dyn Fn(&SegmentedView) -> f64| {
+        segmented.iter().map(|t| point(t.angle.deg(), value(t))).collect()
+    };
     Panel {
         title: "light, grey levels away from the background".into(),
         abscissa: "angle of the table, °".into(),

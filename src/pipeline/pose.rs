@@ -1,10 +1,10 @@
 //! One pose of a grain: cut out and calibrated as for a hull of its own, and carved for its volume.
 
 use super::cameras::cameras_of;
+use super::pedestal::{self, mixed_px};
 use super::quality::compare;
-use super::reconstruct::{MOST_DEFAULT_CELLS, Taken};
+use super::reconstruct::{MOST_DEFAULT_CELLS, SegmentedView};
 use super::result::ViewResult;
-use super::stand::{self, mixed_px};
 use super::{Cameras, LengthUnit, Observer, Pipeline, PipelineError, View};
 use crate::session::event::Role;
 use grainrig_core::geometry::Projection;
@@ -52,22 +52,23 @@ impl Pipeline {
             }
             Cameras::Given { .. } => {}
         }
-        let mut taken = self.take(views, observer)?;
-        if taken.len() < self.views {
-            return Err(PipelineError::MissingViews { got: taken.len(), expected: self.views });
+        let mut segmented = self.take(views, observer)?;
+        if segmented.len() < self.views {
+            return Err(PipelineError::MissingViews { got: segmented.len(), expected: self.views });
         }
-        taken.sort_by_key(|t| t.index);
-        let (stand, mut warnings) = stand::recut(&self.cameras, &mut taken)?;
-        warnings.extend(compare(&self.cameras, &mut taken, observer));
-        let measured = cameras_of(&self.cameras, self.full_step_deg, &taken, stand.as_ref(), &mut warnings)?;
-        let cut = stand.as_ref().map(|s| Cut {
+        segmented.sort_by_key(|t| t.index);
+        let (consensus, mut warnings) = pedestal::recut(&self.cameras, &mut segmented)?;
+        warnings.extend(compare(&self.cameras, &mut segmented, observer));
+        let measured =
+            cameras_of(&self.cameras, self.full_step_deg, &segmented, consensus.as_ref(), &mut warnings)?;
+        let cut = consensus.as_ref().map(|s| Cut {
             column_px: s.centre_column_px.value,
             row_px: s.top_row_px.value - mixed_px(s),
             slope: s.top_slope.value,
             mixed_px: mixed_px(s),
         });
-        let seen: Vec<(&Taken, Projection)> =
-            (taken.iter().zip(measured.projections)).filter(|(t, _)| t.role == Role::Grain).collect();
+        let seen: Vec<(&SegmentedView, Projection)> =
+            (segmented.iter().zip(measured.projections)).filter(|(t, _)| t.role == Role::Grain).collect();
         let closed: Vec<Cone> =
             seen.iter().map(|(t, p)| Cone::new(p.clone(), Arc::clone(&t.silhouette))).collect();
         let bounds = find_bounds(&closed)?;
@@ -96,7 +97,7 @@ impl Pipeline {
             measures: grid.measures(),
             voxel_mm,
             scale_mm_per_px,
-            has_pedestal: stand.is_some(),
+            has_pedestal: consensus.is_some(),
             views,
             warnings: warnings.into_iter().map(|w| format!("{name}: {w}")).collect(),
         })

@@ -1,43 +1,47 @@
 //! The quality of views on their way through the pipeline: each by itself, then all against each other; and the gate
 //! that an acquisition sends its pictures through.
 
-use super::reconstruct::Taken;
-use super::stream::CutOut;
+use super::reconstruct::SegmentedView;
+use super::stream::SegmentedPicture;
 use super::{Cameras, Observer, Pipeline, PipelineError, View};
 use crate::session::event::Happening;
 use grainrig_core::geometry::Angle;
-use grainrig_core::silhouette::{Check, Placed, Traits, Verdict, ViewQuality, against, between};
+use grainrig_core::silhouette::{Check, Traits, Verdict, ViewQuality, ViewTraits, against, between};
 
 /// Sentences about single views in a result, at most; the views' own checks have them all.
 const MOST_WARNINGS: usize = 12;
 
 /// The views with their figures and, before a turntable, their angles.
-fn placed<'a>(cameras: &Cameras, taken: &'a [Taken]) -> Vec<(usize, Placed<'a>)> {
+fn placed<'a>(cameras: &Cameras, segmented: &'a [SegmentedView]) -> Vec<(usize, ViewTraits<'a>)> {
     let turns = matches!(cameras, Cameras::Turntable(_));
-    (taken.iter().enumerate())
+    (segmented.iter().enumerate())
         .filter_map(|(k, t)| {
             let angle_deg = turns.then(|| t.angle.deg());
-            Some((k, Placed { index: t.index, angle_deg, traits: t.traits.as_ref()? }))
+            Some((k, ViewTraits { index: t.index, angle_deg, traits: t.traits.as_ref()? }))
         })
         .collect()
 }
 
 /// Judges all views against each other and adds what comes out to each one's quality; tells of each view that does
 /// not fit, and returns what the result should say.
-pub(super) fn compare(cameras: &Cameras, taken: &mut [Taken], observer: &Observer) -> Vec<String> {
-    let (places, views): (Vec<usize>, Vec<Placed>) = placed(cameras, taken).into_iter().unzip();
+pub(super) fn compare(
+    cameras: &Cameras,
+    segmented: &mut [SegmentedView],
+    observer: &Observer,
+) -> Vec<String> {
+    let (places, views): (Vec<usize>, Vec<ViewTraits>) = placed(cameras, segmented).into_iter().unzip();
     let checks = between(&views);
     for (k, checks) in places.into_iter().zip(checks) {
-        let view = &mut taken[k];
+        let view = &mut segmented[k];
         let Some(quality) = &mut view.quality else { continue };
         let warnings: Vec<String> =
-            checks.iter().filter(|c| c.verdict != Verdict::Good).map(Check::told).collect();
+            checks.iter().filter(|c| c.verdict != Verdict::Good).map(Check::sentence).collect();
         quality.add(checks);
         if !warnings.is_empty() {
             observer(Happening::Judged { view: view.index, verdict: quality.verdict, warnings });
         }
     }
-    let mut told: Vec<String> = (taken.iter())
+    let mut told: Vec<String> = (segmented.iter())
         .flat_map(|t| {
             let warnings = t.quality.iter().flat_map(ViewQuality::warnings);
             warnings.map(|w| format!("view {}: {w}", t.index)).collect::<Vec<_>>()
@@ -71,39 +75,39 @@ impl<'a> Gate<'a> {
     ///
     /// # Errors
     /// Why it must be taken again, with value, unit, limit and remedy: no grain is found, or a check is bad.
-    pub fn examine(&self, index: usize, reached: Angle, bytes: &[u8]) -> Result<CutOut, String> {
-        let cut_out = self.pipeline.cut_out(index, bytes).map_err(|error| cause(&error))?;
+    pub fn examine(&self, index: usize, reached: Angle, bytes: &[u8]) -> Result<SegmentedPicture, String> {
+        let segmented = self.pipeline.segment(index, bytes).map_err(|error| cause(&error))?;
         let turns = matches!(self.pipeline.cameras, Cameras::Turntable(_));
         let angle = |deg: f64| turns.then_some(deg);
-        let earlier: Vec<Placed> = (self.passed.iter())
-            .map(|(index, deg, traits)| Placed { index: *index, angle_deg: angle(*deg), traits })
+        let earlier: Vec<ViewTraits> = (self.passed.iter())
+            .map(|(index, deg, traits)| ViewTraits { index: *index, angle_deg: angle(*deg), traits })
             .collect();
-        let own = cut_out.quality().into_iter().flat_map(|q| q.checks.iter().cloned());
-        let beside = cut_out.traits().into_iter().flat_map(|traits| {
-            let here = Placed { index, angle_deg: angle(reached.deg()), traits };
+        let own = segmented.quality().into_iter().flat_map(|q| q.checks.iter().cloned());
+        let beside = segmented.traits().into_iter().flat_map(|traits| {
+            let here = ViewTraits { index, angle_deg: angle(reached.deg()), traits };
             against(&earlier, &here)
         });
         let bad: Vec<String> =
-            own.chain(beside).filter(|c| c.verdict == Verdict::Bad).map(|c| c.told()).collect();
+            own.chain(beside).filter(|c| c.verdict == Verdict::Bad).map(|c| c.sentence()).collect();
         if !bad.is_empty() {
             return Err(bad.join("; "));
         }
-        Ok(cut_out)
+        Ok(segmented)
     }
 
     /// The picture of this view is kept: later ones are compared with it. Returns the view for the pipeline, with
     /// what [`Gate::examine`] worked out about the same bytes.
-    pub fn pass(&mut self, view: View, cut_out: CutOut) -> View {
+    pub fn pass(&mut self, view: View, segmented: SegmentedPicture) -> View {
         let (index, angle) = view.place();
-        self.passed.extend(cut_out.traits().map(|t| (index, angle.deg(), t.clone())));
-        view.with(cut_out)
+        self.passed.extend(segmented.traits().map(|t| (index, angle.deg(), t.clone())));
+        view.with(segmented)
     }
 
     /// Lets a picture through that an earlier run has kept, whatever it is like.
     pub fn pass_recorded(&mut self, view: View) -> View {
         // What is wrong with it the pipeline says.
-        match self.pipeline.cut_out(view.place().0, view.bytes()) {
-            Ok(cut_out) => self.pass(view, cut_out),
+        match self.pipeline.segment(view.place().0, view.bytes()) {
+            Ok(segmented) => self.pass(view, segmented),
             Err(_) => view,
         }
     }

@@ -2,8 +2,8 @@
 
 use super::cameras::{Measured, cameras_of};
 use super::convergence::convergence;
+use super::pedestal::contact_patch;
 use super::result::{AxisResult, HullMethod, HullResult, MeshResult, ResultFile, Timing, ViewResult};
-use super::stand::contact_patch;
 use super::{Cameras, LengthUnit, Observer, PipelineError, Product, Settings, TurntableSettings, pictures};
 use crate::session::event::{Happening, Role};
 use grainrig_core::calibrate::{Calibration, Turntable};
@@ -14,7 +14,7 @@ use grainrig_core::hull::{Cone, HullGrid, VisualHull, find_bounds, silhouette_io
 use grainrig_core::mesh::{Controls, TetMesh, mesh};
 use grainrig_core::plausible::{self, Doubt};
 use grainrig_core::report::{Sheet, Shot};
-use grainrig_core::silhouette::{Found, Silhouette, Stand, Traits, ViewQuality};
+use grainrig_core::silhouette::{PedestalConsensus, Segmentation, Silhouette, Traits, ViewQuality};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
@@ -27,7 +27,7 @@ const LEAST_AGREEMENT: f64 = 0.95;
 
 /// A view that has been cut out.
 #[derive(Debug, Clone)]
-pub struct Taken {
+pub struct SegmentedView {
     /// Index in the plan.
     pub index: usize,
     /// What it is for.
@@ -37,7 +37,7 @@ pub struct Taken {
     /// The outline, shared with the hull.
     pub silhouette: Arc<Silhouette>,
     /// How it was found.
-    pub found: Found,
+    pub found: Segmentation,
     /// The grain's surroundings, where pictures were asked for.
     pub shot: Option<Shot>,
     /// How good it is; absent where nobody wants to know.
@@ -58,7 +58,7 @@ pub struct Reconstruction {
     /// The rotation axis, before a turntable.
     pub axis: Option<AxisResult>,
     /// The pedestal that all views share, where there is one before a turntable.
-    pub stand: Option<Stand>,
+    pub consensus: Option<PedestalConsensus>,
     /// All that the views say of the rig, before a turntable.
     pub calibration: Option<Calibration>,
     /// Measures of the hull.
@@ -94,7 +94,7 @@ impl Reconstruction {
             views: self.views.len(),
             scale_mm_per_px: self.scale_mm_per_px,
             axis: self.axis,
-            pedestal: self.stand.clone(),
+            pedestal: self.consensus.clone(),
             calibration: self.calibration.clone(),
             hull: self.hull.clone(),
             mesh: self.mesh,
@@ -108,7 +108,7 @@ impl Reconstruction {
 }
 
 /// The camera before the axis is measured: the given axis, else the pedestal's middle, else the outline's.
-pub(super) fn provisional_camera(table: &TurntableSettings, view: &Taken) -> Turntable {
+pub(super) fn provisional_camera(table: &TurntableSettings, view: &SegmentedView) -> Turntable {
     let s = &view.silhouette;
     let pedestal = view.found.report.pedestal;
     let middle = s.origin[0] as f64 + 0.5 * s.size[0] as f64;
@@ -123,13 +123,18 @@ pub(super) fn provisional_camera(table: &TurntableSettings, view: &Taken) -> Tur
 }
 
 /// What of the figures that were given, or that follow from them, no laboratory has.
-fn doubts(settings: &Settings, cameras: &Cameras, taken: &[Taken], longest_mm: f64) -> Vec<Doubt> {
+fn doubts(
+    settings: &Settings,
+    cameras: &Cameras,
+    segmented: &[SegmentedView],
+    longest_mm: f64,
+) -> Vec<Doubt> {
     let mut doubts = match cameras {
         Cameras::Given { unit: LengthUnit::None, .. } => return Vec::new(),
         Cameras::Given { .. } => Vec::new(),
         Cameras::Turntable(table) => {
             let grain: Vec<f64> =
-                taken.iter().filter(|t| t.role == Role::Grain).map(|t| t.angle.deg()).collect();
+                segmented.iter().filter(|t| t.role == Role::Grain).map(|t| t.angle.deg()).collect();
             let step = grain.windows(2).map(|w| (w[1] - w[0]).abs()).fold(f64::INFINITY, f64::min);
             table.doubts().into_iter().chain(plausible::VIEW_STEP.doubt(step)).collect()
         }
@@ -150,8 +155,8 @@ fn doubts(settings: &Settings, cameras: &Cameras, taken: &[Taken], longest_mm: f
 pub(super) fn reconstruct(
     settings: &Settings,
     (cameras, full_step_deg): (&Cameras, f64),
-    taken: &[Taken],
-    (stand, mut warnings): (Option<Stand>, Vec<String>),
+    segmented: &[SegmentedView],
+    (consensus, mut warnings): (Option<PedestalConsensus>, Vec<String>),
     observer: &Observer,
 ) -> Result<Reconstruction, PipelineError> {
     let working = |stage: &str, done: f64| observer(Happening::Working { stage: stage.into(), done });
@@ -159,12 +164,12 @@ pub(super) fn reconstruct(
     working("calibrate", 0.0);
     let start = Instant::now();
     let Measured { projections, axis, calibration } =
-        cameras_of(cameras, full_step_deg, taken, stand.as_ref(), &mut warnings)?;
+        cameras_of(cameras, full_step_deg, segmented, consensus.as_ref(), &mut warnings)?;
     let calibrate_s = start.elapsed().as_secs_f64();
 
     working("hull", 0.0);
     let start = Instant::now();
-    let cones: Vec<Cone> = (taken.iter().zip(projections))
+    let cones: Vec<Cone> = (segmented.iter().zip(projections))
         .filter(|(t, _)| t.role == Role::Grain)
         .map(|(t, p)| Cone::new(p, Arc::clone(&t.silhouette)))
         .collect();
@@ -174,7 +179,7 @@ pub(super) fn reconstruct(
         Cameras::Given { .. } => None,
     };
     let longest = bounds.size().max();
-    warnings.extend(plausible::settle(doubts(settings, cameras, taken, longest), settings.as_given)?);
+    warnings.extend(plausible::settle(doubts(settings, cameras, segmented, longest), settings.as_given)?);
     let by_default = scale_mm_per_px.unwrap_or(0.0).max(longest / MOST_DEFAULT_CELLS);
     let mut grid = HullGrid::new(&bounds, settings.hull.voxel_mm.unwrap_or(by_default))?;
     grid.carve_all(&cones, &mut |done| working("hull", done));
@@ -199,7 +204,7 @@ pub(super) fn reconstruct(
         cones.par_iter().map(|c| silhouette_iou(c, &triangles)).collect()
     };
     let patch =
-        stand.as_ref().zip(scale_mm_per_px).map(|(s, mm_per_px)| contact_patch(s, mm_per_px, &triangles));
+        consensus.as_ref().zip(scale_mm_per_px).map(|(s, mm_per_px)| contact_patch(s, mm_per_px, &triangles));
     drop(triangles);
     let estimate = estimate(
         &cones,
@@ -229,7 +234,7 @@ pub(super) fn reconstruct(
         warnings
             .push("the cameras have no unit of length: shapes only, no volumes or lengths are stated".into());
     }
-    let views: Vec<ViewResult> = (taken.iter())
+    let views: Vec<ViewResult> = (segmented.iter())
         .filter(|t| t.role == Role::Grain)
         .zip(&ious)
         .map(|(t, iou)| ViewResult {
@@ -255,11 +260,11 @@ pub(super) fn reconstruct(
         ));
     }
     let start = Instant::now();
-    let outlines = pictures::outlines(taken, axis.as_ref())?;
+    let outlines = pictures::outlines(segmented, axis.as_ref())?;
     let sheet = (settings.report.pictures)
-        .then(|| pictures::sheet(cameras, taken, &views, axis.as_ref(), calibration.as_ref(), &warnings));
+        .then(|| pictures::sheet(cameras, segmented, &views, axis.as_ref(), calibration.as_ref(), &warnings));
     let report_s = start.elapsed().as_secs_f64();
-    let silhouette_s = taken.iter().map(|t| t.seconds).sum::<f64>();
+    let silhouette_s = segmented.iter().map(|t| t.seconds).sum::<f64>();
     Ok(Reconstruction {
         hull: HullResult::new(
             &measures,
@@ -275,7 +280,7 @@ pub(super) fn reconstruct(
         views,
         scale_mm_per_px,
         axis,
-        stand,
+        consensus,
         calibration,
         controls,
         outlines,

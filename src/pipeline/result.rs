@@ -2,13 +2,13 @@
 
 use super::convergence::Convergence;
 use super::merge::MergeResult;
-use super::stand::ContactPatch;
+use super::pedestal::ContactPatch;
 use grainrig_core::calibrate::{AxisMethod, Calibration};
 use grainrig_core::geometry::Aabb;
 use grainrig_core::hull::estimate::{Share, Signs, VolumeEstimate};
 use grainrig_core::hull::{Measures, VoxelCount};
 use grainrig_core::mesh::{Controls, Dihedral, TetMesh};
-use grainrig_core::silhouette::{Report, Stand, ViewQuality};
+use grainrig_core::silhouette::{PedestalConsensus, Report, ViewQuality};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -26,7 +26,7 @@ pub struct ResultFile {
     /// The rotation axis; `null` where each view has a camera of its own.
     pub axis: Option<AxisResult>,
     /// The pedestal, from all views together; `null` where too few show one.
-    pub pedestal: Option<Stand>,
+    pub pedestal: Option<PedestalConsensus>,
     /// All that the views say of the rig, with uncertainties; `null` where each view has a camera of its own.
     pub calibration: Option<Calibration>,
     /// The visual hull.

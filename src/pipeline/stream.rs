@@ -1,8 +1,8 @@
 //! Views stream through: decoded and cut out on worker threads, carved into a live hull as they come.
 
+use super::pedestal;
 use super::quality::compare;
-use super::reconstruct::{Reconstruction, Taken, provisional_camera, reconstruct};
-use super::stand;
+use super::reconstruct::{Reconstruction, SegmentedView, provisional_camera, reconstruct};
 use super::{Cameras, PipelineError, Settings};
 use crate::session::event::{CapturedView, Happening, Role};
 use grainrig_core::calibrate::Turntable;
@@ -10,7 +10,7 @@ use grainrig_core::formats::Photograph;
 use grainrig_core::geometry::{Aabb, Angle, Point};
 use grainrig_core::hull::{Cone, HullGrid};
 use grainrig_core::report::Shot;
-use grainrig_core::silhouette::{self, Found, Source, Traits, ViewQuality};
+use grainrig_core::silhouette::{self, Segmentation, Source, Traits, ViewQuality};
 use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -25,7 +25,7 @@ const WAITING_RESULTS: usize = 2;
 pub type Observer<'a> = dyn Fn(Happening) + Sync + 'a;
 
 /// A view's place in the order of arrival, its index, and what became of it.
-type Outcome = (usize, usize, Result<Taken, PipelineError>);
+type Outcome = (usize, usize, Result<SegmentedView, PipelineError>);
 
 /// One view on its way in: what a session has recorded, and nothing else. There is one way to make it, so that a live
 /// run and a replay of it compute from the same numbers.
@@ -35,19 +35,19 @@ pub struct View {
     role: Role,
     angle: Angle,
     bytes: Vec<u8>,
-    cut_out: Option<Box<CutOut>>,
+    segmented: Option<Box<SegmentedPicture>>,
 }
 
 impl View {
     /// The view that a journal's record and the bytes of its picture file make.
     pub fn recorded(captured: &CapturedView, bytes: Vec<u8>) -> Self {
         let angle = Angle::from_deg(captured.reached_deg);
-        Self { index: captured.view, role: captured.role, angle, bytes, cut_out: None }
+        Self { index: captured.view, role: captured.role, angle, bytes, segmented: None }
     }
 
     /// With what a [`Gate`](super::Gate) has worked out already about the same bytes.
-    pub(super) fn with(self, cut_out: CutOut) -> Self {
-        Self { cut_out: Some(Box::new(cut_out)), ..self }
+    pub(super) fn with(self, segmented: SegmentedPicture) -> Self {
+        Self { segmented: Some(Box::new(segmented)), ..self }
     }
 
     /// Its place for the views beside it: index and angle.
@@ -63,15 +63,15 @@ impl View {
 
 /// What a picture's bytes say by themselves, whichever view they are of.
 #[derive(Debug, Clone)]
-pub struct CutOut {
-    found: Found,
+pub struct SegmentedPicture {
+    found: Segmentation,
     shot: Option<Shot>,
     quality: Option<ViewQuality>,
     traits: Option<Traits>,
     seconds: f64,
 }
 
-impl CutOut {
+impl SegmentedPicture {
     /// What is wrong with the picture by itself, if anything is.
     pub(super) fn quality(&self) -> Option<&ViewQuality> {
         self.quality.as_ref()
@@ -83,8 +83,8 @@ impl CutOut {
     }
 
     /// As the cut-out of a view.
-    fn of(self, view: &View) -> Taken {
-        Taken {
+    fn of(self, view: &View) -> SegmentedView {
+        SegmentedView {
             index: view.index,
             role: view.role,
             angle: view.angle,
@@ -128,15 +128,15 @@ impl Pipeline {
         if let Cameras::Turntable(t) = &self.cameras {
             t.check()?;
         }
-        let mut taken = self.take(views, observer)?;
-        if taken.len() < self.views {
-            return Err(PipelineError::MissingViews { got: taken.len(), expected: self.views });
+        let mut segmented = self.take(views, observer)?;
+        if segmented.len() < self.views {
+            return Err(PipelineError::MissingViews { got: segmented.len(), expected: self.views });
         }
-        taken.sort_by_key(|t| t.index);
-        let (stand, warnings) = stand::recut(&self.cameras, &mut taken)?;
-        let told = compare(&self.cameras, &mut taken, observer);
+        segmented.sort_by_key(|t| t.index);
+        let (consensus, warnings) = pedestal::recut(&self.cameras, &mut segmented)?;
+        let told = compare(&self.cameras, &mut segmented, observer);
         let cameras = (&self.cameras, self.full_step_deg);
-        let mut made = reconstruct(&self.settings, cameras, &taken, (stand, warnings), observer)?;
+        let mut made = reconstruct(&self.settings, cameras, &segmented, (consensus, warnings), observer)?;
         made.warnings.extend(told);
         Ok(made)
     }
@@ -146,7 +146,7 @@ impl Pipeline {
         &self,
         views: Receiver<View>,
         observer: &Observer,
-    ) -> Result<Vec<Taken>, PipelineError> {
+    ) -> Result<Vec<SegmentedView>, PipelineError> {
         let workers = std::thread::available_parallelism().map_or(1, std::num::NonZero::get).min(4);
         let views = Mutex::new((0, views));
         std::thread::scope(|scope| {
@@ -157,33 +157,33 @@ impl Pipeline {
             }
             drop(send);
             let mut live = Live::default();
-            let mut taken: Vec<Taken> = Vec::new();
+            let mut segmented: Vec<SegmentedView> = Vec::new();
             // In the order in which the views came, whoever is done first: what is told is the same each time.
             let mut early = BTreeMap::new();
             for (place, view, one) in receive {
                 early.insert(place, (view, one));
-                while let Some((view, one)) = early.remove(&taken.len()) {
+                while let Some((view, one)) = early.remove(&segmented.len()) {
                     let one = one.inspect_err(|error| {
                         // Said at once: the run goes on, and ends with this error.
                         observer(Happening::Rejected { view, tries: None, cause: error.to_string() });
                     })?;
-                    self.accept(one, &mut taken, &mut live, observer)?;
+                    self.accept(one, &mut segmented, &mut live, observer)?;
                 }
             }
-            Ok(taken)
+            Ok(segmented)
         })
     }
 
     /// Takes one more view's outline: into the live hull, and to those that wait for all of them.
     fn accept(
         &self,
-        one: Taken,
-        taken: &mut Vec<Taken>,
+        one: SegmentedView,
+        segmented: &mut Vec<SegmentedView>,
         live: &mut Live,
         observer: &Observer,
     ) -> Result<(), PipelineError> {
         let picture = one.found.silhouette.picture;
-        if let Some(first) = taken.first().map(|t| t.found.silhouette.picture)
+        if let Some(first) = segmented.first().map(|t| t.found.silhouette.picture)
             && first != picture
         {
             return Err(PipelineError::Size {
@@ -205,7 +205,7 @@ impl Pipeline {
         if one.role == Role::Grain {
             live.add(&self.cameras, &one, observer)?;
         }
-        taken.push(one);
+        segmented.push(one);
         Ok(())
     }
 
@@ -217,18 +217,18 @@ impl Pipeline {
             let place = queue.0;
             queue.0 += 1;
             drop(queue);
-            let cut_out = match view.cut_out.take() {
-                Some(cut_out) => Ok(*cut_out),
-                None => self.cut_out(view.index, &view.bytes),
+            let segmented = match view.segmented.take() {
+                Some(segmented) => Ok(*segmented),
+                None => self.segment(view.index, &view.bytes),
             };
-            if send.send((place, view.index, cut_out.map(|it| it.of(&view)))).is_err() {
+            if send.send((place, view.index, segmented.map(|it| it.of(&view)))).is_err() {
                 return;
             }
         }
     }
 
     /// Decodes a picture, finds its silhouette and judges it. The view's index is for messages.
-    pub(super) fn cut_out(&self, view: usize, bytes: &[u8]) -> Result<CutOut, PipelineError> {
+    pub(super) fn segment(&self, view: usize, bytes: &[u8]) -> Result<SegmentedPicture, PipelineError> {
         let start = Instant::now();
         let picture = Photograph::open(bytes).map_err(|reason| PipelineError::Decode {
             view,
@@ -258,7 +258,7 @@ impl Pipeline {
                 (quality, traits)
             })
             .map_or((None, None), |(q, t)| (Some(q), Some(t)));
-        Ok(CutOut {
+        Ok(SegmentedPicture {
             shot: self.settings.report.pictures.then(|| Shot::of(&picture, &found.silhouette)),
             found,
             quality,
@@ -275,7 +275,12 @@ struct Live {
 }
 
 impl Live {
-    fn add(&mut self, cameras: &Cameras, view: &Taken, observer: &Observer) -> Result<(), PipelineError> {
+    fn add(
+        &mut self,
+        cameras: &Cameras,
+        view: &SegmentedView,
+        observer: &Observer,
+    ) -> Result<(), PipelineError> {
         // Given cameras bound the hull only together: their hull is carved at the end.
         let Cameras::Turntable(table) = cameras else { return Ok(()) };
         if self.grid.is_none() {

@@ -133,7 +133,7 @@ fn the_truth_of_random_rigs_lies_within_the_stated_uncertainty() {
             assert!(
                 !(telecentric && c.camera_distance_mm.value.is_some()),
                 "rig {seed}: {}",
-                c.camera_distance_says
+                c.camera_distance_note
             );
             let found: Vec<String> = c.findings.iter().map(|f| format!("rig {seed}: {}", f.text)).collect();
             (own, found)
@@ -165,9 +165,9 @@ fn rigs_that_were_misread_state_how_little_they_know() {
             assert!(given.is_none() || c.camera_distance_mm.value.is_some() || refused, "rig {seed}");
             // Where no distance is stated, none is said that is not there.
             let least =
-                c.camera_distance_says.split("farther than ").nth(1).and_then(|s| s.split(' ').next());
+                c.camera_distance_note.split("farther than ").nth(1).and_then(|s| s.split(' ').next());
             if let (Some(least), Some(true_mm)) = (least, settings.camera_distance_mm) {
-                assert!(least.parse::<f64>().unwrap() < true_mm, "rig {seed}: {}", c.camera_distance_says);
+                assert!(least.parse::<f64>().unwrap() < true_mm, "rig {seed}: {}", c.camera_distance_note);
             }
             Some((own, slips.map(|f| format!("rig {seed}: {}", f.text)).collect()))
         })

@@ -4,10 +4,12 @@ use crate::random::Random;
 use crate::skip::shared_data;
 use grainrig::rig::simulated::{Faults, Settings, Slip, Truth, open};
 use grainrig::rig::{Camera as _, RotationStage as _};
-use grainrig_core::calibrate::{Axis, Calibration, Known, Measured, SeenView, Upright, calibrate};
+use grainrig_core::calibrate::{
+    Axis, Calibration, Known, Measured, PedestalObservation, SeenView, calibrate,
+};
 use grainrig_core::formats::decode;
 use grainrig_core::geometry::Angle;
-use grainrig_core::silhouette::{self, Found, PedestalSeen, joint_stand};
+use grainrig_core::silhouette::{self, PedestalOutline, Segmentation, pedestal_consensus};
 use rayon::prelude::*;
 
 /// Numbers for one rig: neighbouring seeds have nothing in common.
@@ -112,9 +114,9 @@ pub fn misread(seed: u64) -> (Settings, Option<f64>) {
 /// A session: all views, and the truth behind them.
 pub struct Captured {
     pub angles: Vec<Angle>,
-    pub found: Vec<Found>,
+    pub found: Vec<Segmentation>,
     /// The pedestal as each view saw it by itself.
-    pub own: Vec<Option<PedestalSeen>>,
+    pub own: Vec<Option<PedestalOutline>>,
     pub truth: Truth,
 }
 
@@ -139,15 +141,15 @@ pub fn capture_views(settings: &Settings, views: usize) -> Result<Captured, Stri
         pictures.push(camera.capture().map_err(|e| e.to_string())?.bytes);
         angles.push(angle);
     }
-    let mut found: Vec<Found> = (pictures.par_iter())
+    let mut found: Vec<Segmentation> = (pictures.par_iter())
         .map(|bytes| {
             let picture = decode(bytes)?;
             silhouette::find(&picture, None, &silhouette::Settings::default()).map_err(|e| e.to_string())
         })
         .collect::<Result<_, String>>()?;
     // As in the pipeline: every view is cut where all of them show the pedestal's top.
-    let seen: Vec<Option<PedestalSeen>> = found.iter().map(|f| f.report.pedestal).collect();
-    if let Some(stand) = joint_stand(&seen) {
+    let seen: Vec<Option<PedestalOutline>> = found.iter().map(|f| f.report.pedestal).collect();
+    if let Some(stand) = pedestal_consensus(&seen) {
         for f in &mut found {
             f.recut(stand.seen_by(f.report.pedestal));
         }
@@ -183,7 +185,7 @@ pub fn calibrated(captured: &Captured, known: &Known) -> (Calibration, Axis) {
             angle: captured.angles[index],
             silhouette: &f.silhouette,
             bad: false,
-            pedestal: captured.own[index].map(|p| Upright {
+            pedestal: captured.own[index].map(|p| PedestalObservation {
                 top_px: [p.centre_column, p.top_row],
                 lean_rad: -p.top_slope.atan(),
                 length_px: p.side_px(f.silhouette.picture[1]),

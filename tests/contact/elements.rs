@@ -21,7 +21,7 @@ fn far() -> Plates {
 }
 
 fn map(body: &Body, by: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Vec<[f64; 3]> {
-    Dynamics::new(body).places().iter().map(|p| by(Vector3::from(*p)).into()).collect()
+    Dynamics::new(body).positions().iter().map(|p| by(Vector3::from(*p)).into()).collect()
 }
 
 #[test]
@@ -43,7 +43,7 @@ fn a_homogeneous_stretch_makes_the_same_stress_everywhere_whatever_the_mesh() {
     let dt = 1e-12;
     d.step(&body, &mut far(), [0.0; 2], dt).unwrap();
     let (mut inner, mut outer) = (0.0f64, 0.0f64);
-    for (p, v) in d.places().iter().zip(d.velocities()) {
+    for (p, v) in d.positions().iter().zip(d.velocities()) {
         let speed = Vector3::from(*v).norm();
         if Vector3::from(*p).norm() < 0.35 { inner = inner.max(speed) } else { outer = outer.max(speed) }
     }
@@ -77,7 +77,7 @@ fn a_rigid_turn_makes_no_stress() {
         let body = Body::new(&mesh, &material).unwrap();
         let axis = nalgebra::Unit::new_normalize(Vector3::new(1.0, 2.0, -0.5));
         let mut d = Dynamics::new(&body);
-        let rest = d.places().to_vec();
+        let rest = d.positions().to_vec();
         let steps = 48;
         let dt = 1e-9;
         let mut worst = 0.0f64;
@@ -106,7 +106,7 @@ fn a_bar_rings_with_the_speed_of_its_waves() {
     let body = Body::new(&block([length, side, side], [cells, 1, 1]), &elastic()).unwrap();
     let mut d = Dynamics::new(&body);
     let dt = 0.9 * d.stable_step_s(&body);
-    let rest = d.places().to_vec();
+    let rest = d.positions().to_vec();
     let shape = |p: &[f64; 3]| (PI * p[0] / length).cos();
     d.set(rest.clone(), rest.iter().map(|p| [1e-3 * shape(p), 0.0, 0.0]).collect());
     let (mut crossings, mut before) = (Vec::new(), 1.0);
@@ -131,7 +131,7 @@ fn a_ball_in_flight_keeps_momentum_spin_and_energy() {
         let body = Body::new(&ball(0.5, 3.0), &material).unwrap();
         let mut d = Dynamics::new(&body);
         let dt = 0.8 * d.stable_step_s(&body);
-        let rest = d.places().to_vec();
+        let rest = d.positions().to_vec();
         // Flying, turning, and ringing.
         let v = rest.iter().map(|p| [100.0 - 4e3 * p[1], 4e3 * p[0], 50.0 + 5e3 * p[2]]).collect();
         d.set(rest, v);
@@ -155,7 +155,7 @@ fn damping_takes_ringing_and_a_twentieth_from_flight_and_turning() {
     let mut d = Dynamics::new(&body);
     d.damping_per_s = 1e6;
     let dt = 0.8 * d.stable_step_s(&body);
-    let rest = d.places().to_vec();
+    let rest = d.positions().to_vec();
     let v = rest.iter().map(|p| [100.0 - 4e3 * p[1], 4e3 * p[0], 50.0 + 5e3 * p[2]]).collect();
     d.set(rest, v);
     let start = d.motion(&body);
@@ -182,10 +182,10 @@ fn the_stable_step_is_where_central_differences_begin_to_grow() {
     let body = Body::new(&ball(0.5, 3.0), &elastic()).unwrap();
     let fresh = Dynamics::new(&body);
     let stable = fresh.stable_step_s(&body);
-    assert!(stable > body.least_element_limit_s(), "{stable} {}", body.least_element_limit_s());
+    assert!(stable > body.least_element_time_step_s(), "{stable} {}", body.least_element_time_step_s());
     let grows = |dt: f64| {
         let mut d = fresh.clone();
-        let rest = d.places().to_vec();
+        let rest = d.positions().to_vec();
         let v = (0..rest.len()).map(|n| [0.0, 0.0, if n % 2 == 0 { 1e-3 } else { -1e-3 }]).collect();
         d.set(rest, v);
         for _ in 0..3000 {
@@ -223,7 +223,7 @@ fn meshes_that_are_no_grain_are_refused_with_what_to_do() {
 fn what_becomes_no_number_names_the_element_and_the_time() {
     let body = Body::new(&ball(0.5, 4.0), &elastic()).unwrap();
     let mut d = Dynamics::new(&body);
-    let mut places = d.places().to_vec();
+    let mut places = d.positions().to_vec();
     places[10][2] = f64::NAN;
     d.set(places, vec![[0.0; 3]; body.nodes()]);
     let error = d.step(&body, &mut far(), [0.0; 2], 1e-9).unwrap_err().to_string();

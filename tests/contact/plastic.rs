@@ -43,7 +43,7 @@ fn a_plastic_sphere_carries_tabors_pressure_and_does_not_lock() {
 /// the most. Elements at the surface are left out: the forces of single nodes make the first of them flow much earlier.
 fn flows_below(mesh: &TetMesh, press: &Press, a: f64) -> bool {
     let strain = press.dynamics().fields(press.body()).plastic_strain;
-    let (places, upper) = press.placed_mm();
+    let (places, upper) = press.positions_mm();
     mesh.tets.iter().zip(&strain).filter(|(_, strain)| **strain > 0.0).any(|(tet, _)| {
         let middle = tet.iter().map(|n| places[*n as usize].coords).sum::<Vector>() / 4.0;
         let depth = middle.z.min(upper - middle.z);

@@ -6,7 +6,7 @@
 use crate::skip::shared_data;
 use grainrig_core::formats::stl;
 use grainrig_core::geometry::{Point, TriangleMesh};
-use grainrig_core::hull::slices::{Ladder, SlicedHull, Strips};
+use grainrig_core::hull::slices::{RowGrid, SlicedHull, Strips};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::fmt::Write as _;
@@ -28,16 +28,16 @@ fn grains() -> Vec<PathBuf> {
 }
 
 /// On each row, what a view at an angle sees of the mesh: the union of the triangles' cuts at that height.
-fn intervals(mesh: &TriangleMesh, ladder: Ladder, angle: f64) -> Vec<Vec<[f64; 2]>> {
+fn intervals(mesh: &TriangleMesh, row_grid: RowGrid, angle: f64) -> Vec<Vec<[f64; 2]>> {
     let (sin, cos) = angle.sin_cos();
-    let mut rows = vec![Vec::new(); ladder.rows];
+    let mut rows = vec![Vec::new(); row_grid.rows];
     for t in 0..mesh.triangles.len() {
         let c = mesh.corners(t).map(|p| [p.x * cos - p.y * sin, p.z]);
-        let row = |z: f64| ((z - ladder.first_mm) / ladder.pitch_mm).clamp(-1.0, ladder.rows as f64);
+        let row = |z: f64| ((z - row_grid.first_mm) / row_grid.pitch_mm).clamp(-1.0, row_grid.rows as f64);
         let low = c.iter().map(|p| row(p[1])).fold(f64::MAX, f64::min).ceil().max(0.0) as usize;
         let high = c.iter().map(|p| row(p[1])).fold(f64::MIN, f64::max).floor();
         for (k, out) in rows.iter_mut().enumerate().skip(low).take_while(|(k, _)| *k as f64 <= high) {
-            let z = ladder.height(k);
+            let z = row_grid.height(k);
             let mut ends = [f64::MAX, f64::MIN];
             for (a, b) in [(c[0], c[1]), (c[1], c[2]), (c[2], c[0])] {
                 if (a[1] <= z) != (b[1] <= z) {
@@ -72,11 +72,11 @@ fn brute_force(mesh: &TriangleMesh, sets: &[Vec<f64>], pitch: f64) -> Vec<f64> {
     let reach = mesh.vertices.iter().map(|p| p.x.hypot(p.y)).fold(0.0, f64::max) / (PI / 12.0).cos();
     let across = (2.0 * reach / pitch).ceil() as usize;
     let layers = (b.size().z / pitch).ceil() as usize;
-    let ladder = Ladder { first_mm: b.min.z + 0.5 * pitch, pitch_mm: pitch, rows: layers };
+    let row_grid = RowGrid { first_mm: b.min.z + 0.5 * pitch, pitch_mm: pitch, rows: layers };
     let at = |i: usize| (i as f64 + 0.5) * pitch - reach;
     (sets.iter())
         .map(|angles| {
-            let seen: Vec<_> = angles.par_iter().map(|a| intervals(mesh, ladder, *a)).collect();
+            let seen: Vec<_> = angles.par_iter().map(|a| intervals(mesh, row_grid, *a)).collect();
             let counts: Vec<u64> = (0..layers)
                 .into_par_iter()
                 .map(|k| {
@@ -140,7 +140,7 @@ fn real_grains_have_the_volume_of_their_voxels() {
             }
             let volume = mesh.volume_mm3();
             let b = mesh.bounds().unwrap();
-            let ladder = Ladder::tiling([b.min.z, b.max.z], 1.0 / ROWS).unwrap();
+            let row_grid = RowGrid::tiling([b.min.z, b.max.z], 1.0 / ROWS).unwrap();
             let own = if all { &sets[..] } else { &sets[turn % sets.len()..][..1] };
             turn += 1;
             let voxels = brute_force(&mesh, own, 1.0 / VOXELS);
@@ -148,14 +148,14 @@ fn real_grains_have_the_volume_of_their_voxels() {
             for (angles, counted) in own.iter().zip(voxels) {
                 let views: Vec<Strips> = (angles.par_iter())
                     .map(|a| {
-                        let rows = intervals(&mesh, ladder, *a);
+                        let rows = intervals(&mesh, row_grid, *a);
                         let mut next = rows.iter();
-                        Strips::from_fn(ladder, *a, |_, out| out.extend(next.next().unwrap())).unwrap()
+                        Strips::from_fn(row_grid, *a, |_, out| out.extend(next.next().unwrap())).unwrap()
                     })
                     .collect();
                 let hull = SlicedHull::new(&views).unwrap();
                 let (exact, counted) = (100.0 * hull.volume_mm3() / volume, 100.0 * counted / volume);
-                let pieces = (0..ladder.rows).map(|k| hull.slice_figures(k).pieces).max().unwrap();
+                let pieces = (0..row_grid.rows).map(|k| hull.slice_figures(k).pieces).max().unwrap();
                 write!(line, "  {}: {exact:7.3} ({counted:7.3}; {pieces})", angles.len()).unwrap();
                 assert!(exact > 99.95, "{}: the hull has {exact} % of the grain", file.display());
                 assert!((exact - counted).abs() < 0.3, "{}: {exact} {counted}", file.display());

@@ -7,7 +7,7 @@ mod skip;
 
 use grainrig_core::calibrate::Turntable;
 use grainrig_core::geometry::Angle;
-use grainrig_core::hull::slices::{BitMask, Ladder, SlicedHull, Strips};
+use grainrig_core::hull::slices::{BitMask, RowGrid, SlicedHull, Strips};
 use grainrig_core::hull::{Cone, HullGrid, find_bounds};
 use grainrig_core::silhouette::Silhouette;
 use std::f64::consts::PI;
@@ -25,12 +25,12 @@ fn excess(views: usize) -> f64 {
 /// Analytic views of a ball of 1 mm, its centre at `c`.
 fn ball(views: usize, rows: usize, c: [f64; 3]) -> SlicedHull {
     let range = [c[2] - RADIUS_MM, c[2] + RADIUS_MM];
-    let ladder = Ladder::tiling(range, 1.000_001 * 2.0 * RADIUS_MM / rows as f64).unwrap();
+    let row_grid = RowGrid::tiling(range, 1.000_001 * 2.0 * RADIUS_MM / rows as f64).unwrap();
     let views: Vec<Strips> = (0..views)
         .map(|k| {
             let angle = PI * k as f64 / views as f64;
             let u = c[0] * angle.cos() - c[1] * angle.sin();
-            Strips::from_fn(ladder, angle, |z, out| {
+            Strips::from_fn(row_grid, angle, |z, out| {
                 let half = (RADIUS_MM * RADIUS_MM - (z - c[2]).powi(2)).max(0.0).sqrt();
                 out.push([u - half, u + half]);
             })
@@ -71,15 +71,15 @@ fn the_error_along_the_height_is_of_second_order() {
 
 #[test]
 fn centre_and_inertia_are_those_of_the_prism_about_a_circle() {
-    // An upright 2N-gon prism: exact, whatever the rows, for its ends lie on the ladder's.
+    // An upright 2N-gon prism: exact, whatever the rows, for its ends lie on the row grid's.
     let (n, height, r) = (6_usize, 0.8, 0.3);
     let c = [0.4, -0.25, 1.0];
-    let ladder = Ladder::tiling([c[2] - height / 2.0, c[2] + height / 2.0], 0.11).unwrap();
+    let row_grid = RowGrid::tiling([c[2] - height / 2.0, c[2] + height / 2.0], 0.11).unwrap();
     let views: Vec<Strips> = (0..n)
         .map(|k| {
             let a = PI * k as f64 / n as f64 + 0.1;
             let u = c[0] * a.cos() - c[1] * a.sin();
-            Strips::from_fn(ladder, a, |_, out| out.push([u - r, u + r])).unwrap()
+            Strips::from_fn(row_grid, a, |_, out| out.push([u - r, u + r])).unwrap()
         })
         .collect();
     let m = SlicedHull::new(&views).unwrap().measures();
@@ -138,12 +138,12 @@ fn a_ball_of_1_mm_at_5_um_a_pixel_is_within_three_in_a_thousand() {
             let cones = ball_cones(n, &table);
             let outlines =
                 SlicedHull::of_cones(&cones).unwrap().volume_mm3() / (excess(n) * VOLUME_MM3) - 1.0;
-            let ladder = Ladder::of_rows(cones[0].projection(), 260).unwrap();
+            let row_grid = RowGrid::of_rows(cones[0].projection(), 260).unwrap();
             let masks: Vec<Strips> = (cones.iter())
                 .map(|c| {
                     let bytes: Vec<u8> =
                         c.silhouette().distance_px.iter().map(|d| u8::from(*d < 0.0)).collect();
-                    Strips::from_mask(&BitMask::from_bytes(300, &bytes), c.projection(), ladder).unwrap()
+                    Strips::from_mask(&BitMask::from_bytes(300, &bytes), c.projection(), row_grid).unwrap()
                 })
                 .collect();
             let masks = SlicedHull::new(&masks).unwrap().volume_mm3() / (excess(n) * VOLUME_MM3) - 1.0;
@@ -179,7 +179,7 @@ fn it_is_the_hull_on_a_grid_in_the_same_frame() {
     for (name, cones) in [("ball", ball_cones(9, &table)), ("three balls", dumbbell_cones(9, &table))] {
         let exact = SlicedHull::of_cones(&cones).unwrap();
         let m = exact.measures();
-        let pieces = (0..exact.ladder().rows).map(|k| exact.slice_figures(k).pieces).max().unwrap();
+        let pieces = (0..exact.row_grid().rows).map(|k| exact.slice_figures(k).pieces).max().unwrap();
         let bounds = find_bounds(&cones).unwrap();
         let mut grid = HullGrid::new(&bounds, bounds.size().max() / 300.0).unwrap();
         cones.iter().for_each(|c| grid.carve(c));

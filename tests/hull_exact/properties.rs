@@ -1,6 +1,6 @@
 //! What holds for any bodies and views.
 
-use grainrig_core::hull::slices::{Ladder, SliceError, SlicedHull, Strips};
+use grainrig_core::hull::slices::{RowGrid, SliceError, SlicedHull, Strips};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use std::f64::consts::{PI, TAU};
@@ -31,7 +31,7 @@ fn angles() -> impl Strategy<Value = Vec<f64>> {
     proptest::collection::vec(-7.0..7.0, 3..9)
 }
 
-const LADDER: Ladder = Ladder { first_mm: 0.02, pitch_mm: 0.04, rows: 25 };
+const ROW_GRID: RowGrid = RowGrid { first_mm: 0.02, pitch_mm: 0.04, rows: 25 };
 
 impl Prisms {
     /// What a view sees: the union of the prisms' intervals.
@@ -54,7 +54,7 @@ impl Prisms {
     }
 
     fn views(&self, angles: &[f64]) -> Vec<Strips> {
-        let view = |a: &f64| Strips::from_fn(LADDER, *a, |z, out| self.seen(*a, z, out)).unwrap();
+        let view = |a: &f64| Strips::from_fn(ROW_GRID, *a, |z, out| self.seen(*a, z, out)).unwrap();
         angles.iter().map(view).collect()
     }
 }
@@ -92,8 +92,8 @@ proptest! {
     fn the_hull_holds_the_body_and_nothing_that_a_view_excludes(body in prisms(), angles in angles()) {
         let views = body.views(&angles);
         let hull = SlicedHull::new(&views).unwrap();
-        for row in 0..LADDER.rows {
-            let z = LADDER.height(row);
+        for row in 0..ROW_GRID.rows {
+            let z = ROW_GRID.height(row);
             let pieces = hull.polygons(row);
             for (p, _) in body.0.iter().filter(|(_, [low, high])| (*low..*high).contains(&z)) {
                 let n = p.len() as f64;
@@ -130,7 +130,7 @@ proptest! {
         let after = SlicedHull::new(&views).unwrap();
         let rounding = 1e-13;
         prop_assert!(after.volume_mm3() <= before.volume_mm3() + rounding);
-        for row in 0..LADDER.rows {
+        for row in 0..ROW_GRID.rows {
             let area = |h: &SlicedHull| h.slice_figures(row).area_mm2;
             prop_assert!(area(&after) <= area(&before) + rounding, "row {row}");
         }
@@ -178,16 +178,16 @@ proptest! {
 
 #[test]
 fn views_that_bound_nothing_or_have_other_rows_are_refused() {
-    let view = |ladder, angle| Strips::from_fn(ladder, angle, |_, out| out.push([-1.0, 1.0])).unwrap();
+    let view = |row_grid, angle| Strips::from_fn(row_grid, angle, |_, out| out.push([-1.0, 1.0])).unwrap();
     assert_eq!(SlicedHull::new(&[]), Err(SliceError::OneDirection { views: 0 }));
-    let opposite = [view(LADDER, 0.3), view(LADDER, 0.3 + PI), view(LADDER, 0.3)];
+    let opposite = [view(ROW_GRID, 0.3), view(ROW_GRID, 0.3 + PI), view(ROW_GRID, 0.3)];
     assert_eq!(SlicedHull::new(&opposite), Err(SliceError::OneDirection { views: 3 }));
-    let other = Ladder { rows: 24, ..LADDER };
-    let mixed = SlicedHull::new(&[view(LADDER, 0.0), view(other, 1.0)]);
-    assert!(matches!(mixed, Err(SliceError::Ladders { view: 1, .. })), "{mixed:?}");
+    let other = RowGrid { rows: 24, ..ROW_GRID };
+    let mixed = SlicedHull::new(&[view(ROW_GRID, 0.0), view(other, 1.0)]);
+    assert!(matches!(mixed, Err(SliceError::RowGrids { view: 1, .. })), "{mixed:?}");
     // Nothing in common is a hull without volume.
-    let away = Strips::from_fn(LADDER, 2.0, |_, out| out.push([7.0, 8.0])).unwrap();
-    let empty = SlicedHull::new(&[view(LADDER, 0.0), view(LADDER, 1.0), away]).unwrap().measures();
+    let away = Strips::from_fn(ROW_GRID, 2.0, |_, out| out.push([7.0, 8.0])).unwrap();
+    let empty = SlicedHull::new(&[view(ROW_GRID, 0.0), view(ROW_GRID, 1.0), away]).unwrap().measures();
     assert_eq!((empty.volume_mm3, empty.surface_area_mm2, empty.bounding_box_mm), (0.0, 0.0, None));
     assert_eq!(empty.centroid_mm, None);
 }

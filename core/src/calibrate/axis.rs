@@ -1,4 +1,4 @@
-//! The rotation axis in the picture, from the silhouettes alone.
+//! The rotation axis as a line in the picture: mirror symmetry of opposite views, or tangency about the half turn.
 
 use crate::geometry::Angle;
 use crate::silhouette::Silhouette;
@@ -100,8 +100,14 @@ pub fn find_axis(views: &[(Angle, &Silhouette)]) -> Result<Axis, AxisError> {
 
 /// The axis as the line in which one silhouette is the mirror image of the other (half a turn apart).
 ///
-/// Gauss–Newton on two unknowns, column and lean: the mirrored outline of the first view must lie on the
-/// second's. Exact for telecentric views; for a pinhole camera exact to the first order of size over distance.
+/// Gauss–Newton on two unknowns, column c and lean φ: the mirrored outline of the first view must lie on the
+/// second's, whose signed distance is d₂,
+///
+/// ```text
+/// Σ ρ(d₂(p − 2 (n·(p − o)) n)) → min,   n = (cos φ, −sin φ),   o = (c, row),   ρ: Huber's function
+/// ```
+///
+/// Exact for telecentric views; for a pinhole camera exact to the first order of size over distance.
 ///
 /// # Errors
 /// [`AxisError::NoCommonRows`] where a silhouette is too small to fit a line.

@@ -1,9 +1,9 @@
-//! A round body's outline in one picture: centre and radius between pixels, with their uncertainty.
+//! Circle fit to a ball's outline: centre and radius by geometric least squares, with their standard uncertainty, pixels.
 
-use crate::silhouette::{PedestalSeen, Silhouette};
+use crate::silhouette::{PedestalOutline, Silhouette};
 use nalgebra::{DMatrix, DVector};
 
-/// Outlines of a smaller radius say too little about the size of a pixel, pixels.
+/// Outlines of a smaller radius determine too little of the size of a pixel, pixels.
 pub const LEAST_RADIUS_PX: f64 = 20.0;
 /// Root mean square distance of the outline from its circle above which a body is no ball, as a share of its radius.
 pub const MOST_UNROUND: f64 = 0.01;
@@ -97,13 +97,13 @@ pub enum BallError {
 
 /// The circle of a ball's outline.
 ///
-/// Geometric least squares over every place where the outline crosses a line between neighbouring pixel centres,
+/// Geometric least squares over every point where the outline crosses a line between neighbouring pixel centres,
 /// without those that the pedestal spoils: near its top, and in the wedge between it and the ball. Dust is held off
 /// by Tukey's biweight. The cost is that of one look at each pixel.
 ///
 /// # Errors
 /// [`BallError`] where the body is too small, hidden too far, or not round.
-pub fn fit_disc(silhouette: &Silhouette, pedestal: Option<&PedestalSeen>) -> Result<Disc, BallError> {
+pub fn fit_disc(silhouette: &Silhouette, pedestal: Option<&PedestalOutline>) -> Result<Disc, BallError> {
     let points = seen(silhouette, pedestal);
     let shown = shown(&points);
     if shown < LEAST_SHOWN {
@@ -144,7 +144,7 @@ pub fn fit_disc(silhouette: &Silhouette, pedestal: Option<&PedestalSeen>) -> Res
     })
 }
 
-/// Every place (column, row) where the outline crosses a line between neighbouring pixel centres.
+/// Every point (column, row) where the outline crosses a line between neighbouring pixel centres.
 pub(super) fn crossings(s: &Silhouette) -> Vec<[f64; 2]> {
     let [w, h] = s.size;
     let mut points = Vec::new();
@@ -169,7 +169,7 @@ pub(super) fn crossings(s: &Silhouette) -> Vec<[f64; 2]> {
 }
 
 /// The outline's points that are the ball's alone, in the order of their direction from the middle.
-fn seen(silhouette: &Silhouette, pedestal: Option<&PedestalSeen>) -> Vec<[f64; 2]> {
+fn seen(silhouette: &Silhouette, pedestal: Option<&PedestalOutline>) -> Vec<[f64; 2]> {
     let mut points = crossings(silhouette);
     let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
     for p in &points {
@@ -295,14 +295,14 @@ impl Fit {
         self.spread() * self.inverse[(unknown, unknown)].max(0.0).sqrt()
     }
 
-    /// How many neighbouring points say the same.
+    /// How many neighbouring points err alike.
     fn correlation(&self) -> f64 {
         let kept: Vec<f64> = (self.residuals.iter().zip(&self.weights)).map(|(e, w)| e * w).collect();
         integrated_correlation(&kept)
     }
 }
 
-/// How many neighbours in a series say the same: 1 + 2 Σ of its autocorrelation, up to where that first falls to zero
+/// How many neighbours in a series err alike: 1 + 2 Σ of its autocorrelation, up to where that first falls to zero
 /// (the window of Sokal 1997, section 3, for a short correlation).
 pub(super) fn integrated_correlation(series: &[f64]) -> f64 {
     let n = series.len();
@@ -343,7 +343,7 @@ mod tests {
         (x - 203.37).hypot(y - 190.81) - 120.43
     }
 
-    const PEDESTAL: PedestalSeen = PedestalSeen {
+    const PEDESTAL: PedestalOutline = PedestalOutline {
         top_row: 350.0,
         top_slope: 0.0,
         centre_column: 303.0,

@@ -1,4 +1,4 @@
-//! What the pictures say of the rig: the numbers, how sure they are, and what went wrong while the grain turned.
+//! The calibration: camera and axis with standard uncertainties, each view's angle and offset, slips and lost steps.
 
 use super::{Measured, Turntable};
 use crate::geometry::{Angle, Projection};
@@ -18,14 +18,16 @@ pub struct Calibration {
     pub roll_deg: Measured,
     /// Distance from the centre of projection to the axis, mm; no value where the views look parallel.
     pub camera_distance_mm: Measured,
-    /// What is known of the distance in words where it is not measured.
-    pub camera_distance_says: String,
-    /// How far the view rays rise going away from the camera, at the axis' foot, degrees.
+    /// The outlines' evidence on the distance, in words.
+    #[serde(rename = "camera_distance_says")]
+    pub camera_distance_note: String,
+    /// Elevation: how far the view rays rise going away from the camera, at the axis' foot, degrees.
     pub elevation_deg: Measured,
     /// Which way the grain turns, seen from above, when the stage angle grows, and how that is known.
     pub rotation: Rotation,
-    /// Typical sideways shift of a view against the others, pixels (standard deviation).
-    pub wobble_px: f64,
+    /// Radial runout of the stage: standard deviation of a view's sideways shift against the others, pixels.
+    #[serde(rename = "wobble_px")]
+    pub radial_runout_px: f64,
     /// What the outlines' rows keep of unexplained differences, pixels (standard deviation).
     pub residual_px: f64,
     /// Whether the views' own offsets and angles are in use (`false`: only stated).
@@ -43,7 +45,7 @@ pub struct Calibration {
 pub struct Rotation {
     /// Whether the grain turns counter-clockwise seen from above when the stage angle grows.
     pub counter_clockwise: bool,
-    /// Whether the pictures showed it (perspective does; parallel views cannot tell it from its mirror image).
+    /// Whether the pictures showed it (perspective does; parallel views cannot distinguish it from its mirror image).
     pub how: super::How,
 }
 
@@ -59,7 +61,7 @@ pub struct ViewCalibration {
     /// Its standard uncertainty, degrees.
     pub angle_sigma_deg: f64,
     /// Sideways shift of the view against the others, pixels: positive to the right. A shift that goes round once
-    /// with the grain cannot be told from a grain that stands off the axis, and is not in here.
+    /// with the grain cannot be distinguished from a grain that stands off the axis, and is not in here.
     pub offset_px: f64,
     /// Its standard uncertainty, pixels.
     pub offset_sigma_px: f64,
@@ -78,7 +80,7 @@ pub struct Finding {
     pub kind: FindingKind,
     /// The first view that sees the grain turned, for a slip or lost steps.
     pub view: Option<usize>,
-    /// The views among which that first one lies as surely as the outlines tell.
+    /// The views among which that first one lies as surely as the outlines show.
     pub between: Option<[usize; 2]>,
     /// How far the grain is ahead (positive) or behind from there on, degrees; for a wrong step size, at the last view.
     pub degrees: f64,
@@ -100,7 +102,7 @@ pub enum FindingKind {
     LostSteps,
     /// Every step is larger or smaller than it should be.
     StepSize,
-    /// One of the two: the outlines do not tell which.
+    /// One of the two: the outlines do not show which.
     SlipOrStepSize,
 }
 

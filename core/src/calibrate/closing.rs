@@ -1,14 +1,14 @@
-//! What views of the same outline say of the turn between them: after half a turn an outline comes back mirrored, after
+//! Closing views, which see the same outline, and the angle between them: after half a turn an outline comes back mirrored, after
 //! a whole one as it was. Where it comes back moved in proportion to how fast it grows with the angle, the grain has
 //! not turned as the stage did.
 //!
-//! The difference of two such reaches is δ·h′ + what a shift, the roll, a near camera and rising rays make of it (see
+//! The difference of two such reaches is δ·h′ + what a shift, the roll, a near camera and inclined rays make of it (see
 //! [`super::fit`]): a robust linear regression over all heights. An outline is as sure along its normal everywhere, so
 //! a reach is as much less sure as the outline is inclined there. h′ is the chord's over the neighbouring views; where
 //! the slice is sharply bent between them it may be another.
 
 use super::fit::Sample;
-use super::profile::{Line, Profiles};
+use super::profile::{AxisLine, Profiles};
 use crate::silhouette::Silhouette;
 use nalgebra::{Matrix5, Vector5};
 use std::f64::consts::{PI, TAU};
@@ -17,7 +17,7 @@ use std::f64::consts::{PI, TAU};
 const HEIGHTS: usize = 128;
 /// Two directions see the same outline where the next ones are at least this many times as far.
 const FURTHER: f64 = 2.0;
-/// Furthest neighbour that tells h′, radians.
+/// Furthest neighbour that h′ is taken from, radians.
 const FURTHEST_RAD: f64 = 0.4;
 /// How far h′ may be off, as a share of its change between the neighbours (standard deviation).
 const BENT: f64 = 0.2;
@@ -34,8 +34,8 @@ const BLOCKS: usize = 10;
 const SAME_RAD: f64 = 0.02;
 /// Outlines whose mean square difference is below this share of what a turn makes of them have not turned so.
 const ALIKE_SHARE: f64 = 0.15;
-/// What is known beforehand (standard deviations): rise, shift in pixels, roll left over.
-const RISE_RAD: f64 = 0.03;
+/// What is known beforehand (standard deviations): elevation, shift in pixels, roll left over.
+const ELEVATION_RAD: f64 = 0.03;
 const SHIFT_PX: f64 = 10.0;
 const ROLL_RAD: f64 = 0.004;
 
@@ -69,34 +69,34 @@ impl Closing {
     }
 }
 
-/// A reach's place among all directions.
+/// One reach: its direction, its view and its side.
 #[derive(Clone, Copy)]
-struct Seen {
+struct Reach {
     t: f64,
     view: usize,
     right: bool,
 }
 
 /// One pair's directions: the two, and their neighbours before and behind.
-struct Met {
+struct DirectionPair {
     /// First and second view's own.
-    own: [Seen; 2],
-    beside: [Seen; 2],
+    own: [Reach; 2],
+    beside: [Reach; 2],
 }
 
 /// All pairs of views that see the same outline at these (signed) angles; none where the views share too few rows.
-pub(super) fn closings(views: &[Sample], angles: &[f64], line: &Line) -> Vec<Closing> {
+pub(super) fn closings(views: &[Sample], angles: &[f64], line: &AxisLine) -> Vec<Closing> {
     paired(views, angles, line, FURTHER)
 }
 
 /// The same of all neighbouring directions that different views look from, even midway between two others: only where much is
 /// asked for, as an outline is not known well between views.
-pub(super) fn near_closings(views: &[Sample], angles: &[f64], line: &Line) -> Vec<Closing> {
+pub(super) fn near_closings(views: &[Sample], angles: &[f64], line: &AxisLine) -> Vec<Closing> {
     paired(views, angles, line, 1.0)
 }
 
-fn paired(views: &[Sample], angles: &[f64], line: &Line, further: f64) -> Vec<Closing> {
-    let mut pairs: Vec<([usize; 2], Vec<Met>)> = Vec::new();
+fn paired(views: &[Sample], angles: &[f64], line: &AxisLine, further: f64) -> Vec<Closing> {
+    let mut pairs: Vec<([usize; 2], Vec<DirectionPair>)> = Vec::new();
     for met in meetings(angles, further) {
         let views = met.own.map(|s| s.view);
         match pairs.iter_mut().find(|(v, _)| *v == views) {
@@ -113,10 +113,10 @@ fn paired(views: &[Sample], angles: &[f64], line: &Line, further: f64) -> Vec<Cl
 }
 
 /// Where two reaches of different views look the same way, closer than their neighbours do.
-fn meetings(angles: &[f64], further: f64) -> Vec<Met> {
-    let mut all: Vec<Seen> = (angles.iter().enumerate())
+fn meetings(angles: &[f64], further: f64) -> Vec<DirectionPair> {
+    let mut all: Vec<Reach> = (angles.iter().enumerate())
         .flat_map(|(view, a)| {
-            [true, false].map(|right| Seen {
+            [true, false].map(|right| Reach {
                 t: (a + if right { 0.0 } else { PI }).rem_euclid(TAU),
                 view,
                 right,
@@ -125,7 +125,7 @@ fn meetings(angles: &[f64], further: f64) -> Vec<Met> {
         .collect();
     all.sort_by(|a, b| a.t.total_cmp(&b.t).then(a.view.cmp(&b.view)));
     let n = all.len();
-    let ahead = |a: &Seen, b: &Seen| (b.t - a.t).rem_euclid(TAU);
+    let ahead = |a: &Reach, b: &Reach| (b.t - a.t).rem_euclid(TAU);
     (0..n)
         .filter_map(|i| {
             let [before, a, b, after] = [n - 1, 0, 1, 2].map(|k| all[(i + k) % n]);
@@ -134,7 +134,7 @@ fn meetings(angles: &[f64], further: f64) -> Vec<Met> {
             let apart = wide.iter().all(|w| *w > further * gap.max(1e-3) && *w < FURTHEST_RAD);
             (n > 3 && a.view != b.view && apart).then(|| {
                 let own = if a.view < b.view { [a, b] } else { [b, a] };
-                Met { own, beside: [before, after] }
+                DirectionPair { own, beside: [before, after] }
             })
         })
         .collect()
@@ -151,9 +151,9 @@ struct Row {
     bend_px: f64,
 }
 
-fn closing(views: [usize; 2], met: &[Met], angles: &[f64], profiles: &Profiles) -> Option<Closing> {
+fn closing(views: [usize; 2], met: &[DirectionPair], angles: &[f64], profiles: &Profiles) -> Option<Closing> {
     let m = profiles.z_px.len();
-    let reach = |s: &Seen| {
+    let reach = |s: &Reach| {
         let sample = s.view + if s.right { angles.len() } else { 0 };
         &profiles.reach_px[sample * m..(sample + 1) * m]
     };
@@ -247,7 +247,8 @@ fn smooth(values: &[f64]) -> Vec<f64> {
 
 /// δ and its standard deviation; rows come in groups of `m` heights.
 fn regress(rows: &[Row], m: usize, height_px: f64) -> Option<[f64; 2]> {
-    let prior = [0.0, (2.0 * height_px).powi(2), RISE_RAD.powi(-2), SHIFT_PX.powi(-2), ROLL_RAD.powi(-2)];
+    let prior =
+        [0.0, (2.0 * height_px).powi(2), ELEVATION_RAD.powi(-2), SHIFT_PX.powi(-2), ROLL_RAD.powi(-2)];
     let mut noise = 3.0 * LEAST_NOISE_PX;
     let mut found: Vector5<f64> = Vector5::zeros();
     let mut residuals: Vec<f64> = vec![0.0; rows.len()];
@@ -296,7 +297,7 @@ fn regress(rows: &[Row], m: usize, height_px: f64) -> Option<[f64; 2]> {
 mod tests {
     use super::*;
 
-    const LINE: Line = Line { column_px: 160.0, row_px: 290.0, roll_rad: 0.0 };
+    const LINE: AxisLine = AxisLine { column_px: 160.0, row_px: 290.0, roll_rad: 0.0 };
 
     /// A barrel of elliptic slices (their half axes 90 and 60 px at the middle, turned with the height), 8 px off the
     /// axis, seen before parallel rays.
@@ -315,7 +316,7 @@ mod tests {
         Silhouette { picture: size, origin: [0, 0], size, distance_px }
     }
 
-    fn told(true_angles: &[f64], nominal: &[f64]) -> Vec<Closing> {
+    fn closed(true_angles: &[f64], nominal: &[f64]) -> Vec<Closing> {
         let shift = |i: usize| 0.3 * (1.7 * i as f64).sin();
         let silhouettes: Vec<Silhouette> =
             true_angles.iter().enumerate().map(|(i, a)| seen(*a, shift(i))).collect();
@@ -329,7 +330,7 @@ mod tests {
         let nominal: Vec<f64> = (0..26).map(|i| (7.2 * f64::from(i)).to_radians()).collect();
         for ahead in [-1.8f64, 0.0, 0.9] {
             let angles: Vec<f64> = nominal.iter().map(|a| a * (1.0 + ahead / 180.0)).collect();
-            let [c] = &told(&angles, &nominal)[..] else { panic!("one pair closes") };
+            let [c] = &closed(&angles, &nominal)[..] else { panic!("one pair closes") };
             assert_eq!(c.views, [0, 25]);
             let error = c.rad.to_degrees() - ahead;
             assert!(error.abs() < 0.05 + 0.1 * ahead.abs(), "{ahead}: {:.3}°", c.rad.to_degrees());
@@ -345,7 +346,7 @@ mod tests {
             .enumerate()
             .map(|(i, a)| a + if i >= 30 { 1f64.to_radians() } else { 0.0 })
             .collect();
-        let all = told(&angles, &nominal);
+        let all = closed(&angles, &nominal);
         for c in &all {
             let crossed = c.views[0] < 30 && c.views[1] >= 30;
             let expected = if crossed { 1.0 } else { 0.0 };
@@ -357,6 +358,6 @@ mod tests {
     #[test]
     fn views_of_less_than_half_a_turn_close_nowhere() {
         let nominal: Vec<f64> = (0..20).map(|i| (7.2 * f64::from(i)).to_radians()).collect();
-        assert!(told(&nominal, &nominal).is_empty());
+        assert!(closed(&nominal, &nominal).is_empty());
     }
 }

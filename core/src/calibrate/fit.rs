@@ -1,25 +1,25 @@
-//! All views against one another: the numbers of the rig that make the grain's slices most likely.
+//! Generalised least squares over all views: the parameters of the rig that make the grain's slices most likely.
 //!
 //! A view at angle θ reaches to the right as far as the slice's support function h(t) at t = θ, to the left as far as
 //! h(θ + π); h′ is how deep the rim lies (nearer the camera to the right where it is positive). To the first order the
-//! reach is changed by the axis' column c and the view's own shift b (∓1), the roll (∓(z + h·∂h/∂z)), the reciprocal
-//! camera distance q (±h′(h − z·∂h/∂z): rays that are not parallel see the rim elsewhere), the rays' rise p
+//! reach is changed by the axis' column c and the view's own shift b (±1), the roll (∓(z + h·∂h/∂z)), the reciprocal
+//! camera distance q (±h′(h − z·∂h/∂z): rays that are not parallel see the rim elsewhere), the rays' elevation p
 //! (∓h′·∂h/∂z) and the view's own angle (h′). The slices are random functions (see [`super::support`]), so all these
 //! are generalised least squares with a prior for what a motor and a bearing do.
 
-use super::profile::{Line, Profiles};
+use super::profile::{AxisLine, Profiles};
 use super::support::{Grid, Hyper, Sums};
 use crate::silhouette::Silhouette;
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-/// Heights that are compared, and samples in all: more cost more than they tell.
+/// Heights that are compared, and samples in all: more cost more than they add.
 const HEIGHTS: usize = 48;
 const SAMPLES: usize = 6000;
 /// Standard deviation of one view's angle: a stepper's ±5 % of a full step, evenly spread, as a share of the step.
 pub(super) const VIEW_SIGMA_STEPS: f64 = 0.05 / 1.732_050_8;
-/// Nobody mounts a camera worse: roll and rise (radians), and how far a camera is (grain heights away).
+/// Nobody mounts a camera worse: roll and elevation (radians), and how far a camera is (grain heights away).
 const ROLL_SIGMA_RAD: f64 = 0.2;
-const RISE_SIGMA_RAD: f64 = 0.1;
+const ELEVATION_SIGMA_RAD: f64 = 0.1;
 const NEAREST_HEIGHTS: f64 = 2.0;
 /// The axis' column before it is measured, and the pedestal's eccentricity, pixels.
 const COLUMN_SIGMA_PX: f64 = 1e3;
@@ -29,21 +29,21 @@ const PEDESTAL_TILT_RAD: f64 = 0.01;
 const LEAST_LEAN_SIGMA_RAD: f64 = 1e-4;
 /// What a straight edge may be off by at either end, pixels (standard deviation).
 const EDGE_PX: f64 = 0.03;
-/// Places of the parameters: c, roll, q, p, the step size's excess as a share of it, then every view's shift, then every
+/// Indices of the parameters: c, roll, q, p, the step size's excess as a share of it, then every view's shift, then every
 /// view's angle.
 pub(super) const ROLL: usize = 1;
 pub(super) const RECIPROCAL: usize = 2;
-pub(super) const RISE: usize = 3;
+pub(super) const ELEVATION: usize = 3;
 pub(super) const STEP: usize = 4;
 pub(super) const SHARED: usize = 5;
-/// The least wobble believed, pixels: with a pedestal to see it by, and without.
-const LEAST_WOBBLE_PX: [f64; 2] = [0.02, 0.25];
+/// The least radial runout believed, pixels: with a pedestal to see it by, and without.
+const LEAST_RUNOUT_PX: [f64; 2] = [0.02, 0.25];
 /// The step size is held as tight as this: it is a parameter only for the others' change with it. Where it was free, the
 /// likelihood took a grain's corners for angles: on 24 misread rigs (`tests/calibration`) the last view's angle was off by up
 /// to 2.1°, with a standard deviation of 0.2°.
 const STEP_HELD: f64 = 1e-7;
 /// The slices of a real grain are not quite what the random functions are: uncertainties are this much larger than
-/// the equations say (measured over many simulated rigs: see `tests/calibration`).
+/// the equations give (measured over many simulated rigs: see `tests/calibration`).
 pub(super) const MODEST: f64 = 1.6;
 /// Noise that is taken off the slopes that shape the equations, pixels (standard deviation).
 const FOLLOWED_PX: f64 = 0.1;
@@ -58,12 +58,12 @@ const LEAST_PEDESTALS: usize = 6;
 pub(super) struct Sample<'a> {
     pub silhouette: &'a Silhouette,
     /// The pedestal, where it was seen.
-    pub pedestal: Option<Upright>,
+    pub pedestal: Option<PedestalObservation>,
 }
 
-/// A pedestal in a picture.
+/// The pedestal observed in one picture: position of its top, lean of its sides.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Upright {
+pub struct PedestalObservation {
     /// Column and row of the middle of its top.
     pub top_px: [f64; 2],
     /// How far it leans to smaller columns towards its top, radians.
@@ -99,7 +99,7 @@ impl Priors {
 
 /// The parameters, and how sure they are.
 pub(super) struct Fit {
-    pub line: Line,
+    pub line: AxisLine,
     /// All parameters; the first two are corrections that `line` has taken up.
     pub parameters: DVector<f64>,
     /// Their covariance, with the step size as it is held.
@@ -118,7 +118,7 @@ pub(super) struct Fit {
 }
 
 impl Fit {
-    /// Standard deviation of parameter `k`: what the equations say and what the step size makes of it, so many times over.
+    /// Standard deviation of parameter `k`: what the equations give and what the step size makes of it, so many times over.
     pub(super) fn sigma(&self, k: usize, modest: f64) -> f64 {
         modest * self.own_sigma(k).hypot(self.with_step(k) * self.step_sigma)
     }
@@ -161,7 +161,7 @@ struct Round<'a> {
     regressors: Vec<DMatrix<f64>>,
     /// Both as the grid wants them for its sums.
     rotated: (DMatrix<f64>, Vec<DMatrix<f64>>),
-    /// Pedestals' places right of the line, and their leans beyond the line's, by view.
+    /// Pedestals' positions right of the line, and their leans beyond the line's, by view.
     pedestals: Vec<(usize, f64, f64)>,
     /// Standard deviation of a lean, radians: a view's own, and what all share.
     lean_sigma_rad: [f64; 2],
@@ -188,7 +188,7 @@ pub(super) fn fit(
     views: &[Sample],
     angles: &[f64],
     priors: &Priors,
-    start: &Line,
+    start: &AxisLine,
     spreads: Spreads,
     rounds: usize,
 ) -> Option<Fit> {
@@ -210,7 +210,7 @@ pub(super) fn fit(
             alike: 0.3,
             edge_px: 0.1,
             noise_px: 0.1,
-            wobble_px: 0.3,
+            runout_px: 0.3,
             pedestal_px: 0.1,
         });
         let equations = Round::new(views, angles, priors, &line, &profiles, &parameters, &spread)?;
@@ -261,7 +261,7 @@ impl<'a> Round<'a> {
         views: &[Sample],
         angles: &'a [f64],
         priors: &Priors,
-        line: &Line,
+        line: &AxisLine,
         profiles: &Profiles,
         parameters: &DVector<f64>,
         hyper: &Hyper,
@@ -305,7 +305,7 @@ impl<'a> Round<'a> {
             priors.column_px.map_or(open(COLUMN_SIGMA_PX), |p| shifted(p, line.column_px)),
             priors.roll_rad.map_or(open(ROLL_SIGMA_RAD), |p| shifted(p, line.roll_rad)),
             priors.reciprocal.unwrap_or(open(1.0 / (NEAREST_HEIGHTS * height))),
-            open(RISE_SIGMA_RAD),
+            open(ELEVATION_SIGMA_RAD),
             open(STEP_HELD),
         ];
         let seen = views.iter().enumerate().filter_map(|(i, v)| v.pedestal.map(|p| (i, p)));
@@ -364,7 +364,7 @@ impl<'a> Round<'a> {
         let n = self.angles.len();
         match k {
             _ if k < SHARED => self.priors[k],
-            _ if k < SHARED + n => Prior { value: 0.0, sigma: hyper.wobble_px },
+            _ if k < SHARED + n => Prior { value: 0.0, sigma: hyper.runout_px },
             _ => Prior { value: 0.0, sigma: self.view_sigma_rad },
         }
     }
@@ -377,7 +377,7 @@ impl<'a> Round<'a> {
         self.solved(self.sums(hyper)?, hyper)
     }
 
-    /// With what the reaches say (whatever the views' shifts and the pedestal scatter by), all that is known beforehand.
+    /// With the sums of the reaches (whatever the views' shifts and the pedestal scatter by), all that is known beforehand.
     fn solved(&self, mut all: Sums, hyper: &Hyper) -> Option<Solved> {
         let mut log_prior = 0.0;
         for k in 0..all.right.len() {
@@ -397,7 +397,7 @@ impl<'a> Round<'a> {
         Some(Solved { parameters, covariance: cholesky.inverse(), log_likelihood })
     }
 
-    /// A pedestal that stands a little off the axis goes round once with the grain; beyond that its places are the
+    /// A pedestal that stands a little off the axis goes round once with the grain; beyond that its positions are the
     /// axis' column and the views' shifts.
     fn add_pedestals(&self, all: &mut Sums, hyper: &Hyper) -> Option<()> {
         let count = self.pedestals.len();
@@ -430,7 +430,7 @@ impl<'a> Round<'a> {
     /// The spreads that make the data most likely: one after another, by steps that shrink.
     fn search(&self, start: Hyper) -> Hyper {
         let with_pedestals = !self.pedestals.is_empty();
-        let least_wobble = LEAST_WOBBLE_PX[usize::from(!with_pedestals)];
+        let least_runout = LEAST_RUNOUT_PX[usize::from(!with_pedestals)];
         let likelihood = |sums: Option<Sums>, h: &Hyper| {
             sums.and_then(|s| self.solved(s, h)).map_or(f64::NEG_INFINITY, |s| s.log_likelihood)
         };
@@ -438,13 +438,13 @@ impl<'a> Round<'a> {
             (|h| &mut h.curvature_px, 0.1, 1e4),
             (|h| &mut h.edge_px, 0.02, 10.0),
             (|h| &mut h.noise_px, 0.01, 5.0),
-            (|h| &mut h.wobble_px, least_wobble, 20.0),
+            (|h| &mut h.runout_px, least_runout, 20.0),
             (|h| &mut h.alike, 0.02, 3.0),
             (|h| &mut h.pedestal_px, 0.03, 5.0),
         ];
         let open = if with_pedestals { 6 } else { 5 };
         let mut steps = [1.6f64; 6];
-        let mut best = Hyper { wobble_px: start.wobble_px.max(least_wobble), ..start };
+        let mut best = Hyper { runout_px: start.runout_px.max(least_runout), ..start };
         let mut sums = self.sums(&best);
         let mut greatest = likelihood(sums.clone(), &best);
         for _ in 0..SEARCH_ROUNDS {
@@ -458,11 +458,11 @@ impl<'a> Round<'a> {
                         continue;
                     }
                     // What the views' shifts and the pedestal scatter by is no matter of the reaches.
-                    let beside = Hyper { wobble_px: best.wobble_px, pedestal_px: best.pedestal_px, ..next };
-                    let told = if beside == best { sums.clone() } else { self.sums(&next) };
-                    let l = likelihood(told.clone(), &next);
+                    let beside = Hyper { runout_px: best.runout_px, pedestal_px: best.pedestal_px, ..next };
+                    let next_sums = if beside == best { sums.clone() } else { self.sums(&next) };
+                    let l = likelihood(next_sums.clone(), &next);
                     if l > greatest + 1e-3 {
-                        (best, sums, greatest, moved) = (next, told, l, true);
+                        (best, sums, greatest, moved) = (next, next_sums, l, true);
                         break;
                     }
                 }

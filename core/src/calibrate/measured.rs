@@ -12,7 +12,7 @@ pub enum How {
     Given,
     /// Neither: a convention, or the rig's nominal value.
     Assumed,
-    /// The pictures do not show it, and nobody said.
+    /// The pictures do not show it, and it was not given.
     NotObservable,
 }
 

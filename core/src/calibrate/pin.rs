@@ -1,4 +1,4 @@
-//! An upright pin in one picture: the width between its two straight sides.
+//! Line fits to an upright pin's two sides: the width between them, pixels.
 
 use super::ball::LEAST_RADIUS_PX;
 use crate::silhouette::Silhouette;

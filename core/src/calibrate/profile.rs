@@ -1,4 +1,4 @@
-//! How far the grain reaches to either side of the axis, height by height, in every view.
+//! Extents of the outlines to either side of the axis at common heights: `[sample, height]`, pixels.
 
 use crate::silhouette::Silhouette;
 
@@ -8,12 +8,12 @@ const LINES: usize = 5;
 /// (where the outline runs across the lines), and the least of it in pixels.
 const LEFT_OUT: (f64, f64) = (0.05, 0.10);
 const LEAST_LEFT_OUT_PX: f64 = 5.0;
-/// Lines closer than this say the same, pixels.
+/// Lines closer than this are not independent, pixels.
 const CLOSEST_PX: f64 = 2.0;
 
 /// The axis as it is known so far: a straight line in the picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Line {
+pub(super) struct AxisLine {
     /// Column of the axis in the foot's row.
     pub column_px: f64,
     /// The foot's row.
@@ -22,14 +22,14 @@ pub(super) struct Line {
     pub roll_rad: f64,
 }
 
-impl Line {
-    /// The place in the picture `u` to the right of the axis and `z` above its foot, pixels, both turned by the roll.
-    pub(super) fn place(&self, u: f64, z: f64) -> [f64; 2] {
+impl AxisLine {
+    /// Column and row of the point `u` to the right of the axis and `z` above its foot, pixels, both turned by the roll.
+    pub(super) fn pixel(&self, u: f64, z: f64) -> [f64; 2] {
         let (sin, cos) = self.roll_rad.sin_cos();
         [self.column_px + u * cos - z * sin, self.row_px - u * sin - z * cos]
     }
 
-    /// How far right of the axis and above the foot a place in the picture lies, pixels.
+    /// How far right of the axis and above the foot a point of the picture lies, pixels.
     pub(super) fn coordinates(&self, [column, row]: [f64; 2]) -> [f64; 2] {
         let (sin, cos) = self.roll_rad.sin_cos();
         let (du, dv) = (column - self.column_px, row - self.row_px);
@@ -52,7 +52,7 @@ pub(super) struct Profiles {
 
 impl Profiles {
     /// Reads `heights` heights at most; `None` where the views share too few rows.
-    pub(super) fn read(views: &[&Silhouette], line: &Line, heights: usize) -> Option<Self> {
+    pub(super) fn read(views: &[&Silhouette], line: &AxisLine, heights: usize) -> Option<Self> {
         let ranges = views.iter().map(|s| height_range(s, line)).collect::<Option<Vec<_>>>()?;
         let low = ranges.iter().map(|r| r[0]).fold(f64::NEG_INFINITY, f64::max);
         let high = ranges.iter().map(|r| r[1]).fold(f64::INFINITY, f64::min);
@@ -88,8 +88,8 @@ impl Profiles {
     }
 }
 
-/// Lowest and highest place of the outline along the axis.
-fn height_range(s: &Silhouette, line: &Line) -> Option<[f64; 2]> {
+/// Lowest and highest point of the outline along the axis.
+fn height_range(s: &Silhouette, line: &AxisLine) -> Option<[f64; 2]> {
     let rows = s.extents_px();
     let ends = rows.iter().enumerate().filter_map(|(j, e)| e.map(|e| ((s.origin[1] + j) as f64, e)));
     let mut range: Option<[f64; 2]> = None;
@@ -103,13 +103,13 @@ fn height_range(s: &Silhouette, line: &Line) -> Option<[f64; 2]> {
 }
 
 /// Where the grain begins and ends along a line across the axis, pixels right of the axis.
-fn extents(s: &Silhouette, line: &Line, z: f64) -> Option<[f64; 2]> {
+fn extents(s: &Silhouette, line: &AxisLine, z: f64) -> Option<[f64; 2]> {
     let (w, h) = (s.size[0] as f64, s.size[1] as f64);
     let corner = |x: f64, y: f64| line.coordinates([s.origin[0] as f64 + x, s.origin[1] as f64 + y])[0];
     let corners = [corner(0.0, 0.0), corner(w, 0.0), corner(0.0, h), corner(w, h)];
     let low = corners.into_iter().fold(f64::INFINITY, f64::min).floor();
     let high = corners.into_iter().fold(f64::NEG_INFINITY, f64::max).ceil();
-    let at = |u: f64| s.signed_distance_px(line.place(u, z));
+    let at = |u: f64| s.signed_distance_px(line.pixel(u, z));
     // Outside, the distance is a lower bound of how far the outline is: no smaller step can miss it.
     let from = |start: f64, sense: f64, end: f64| -> Option<f64> {
         let (mut u, mut d) = (start, at(start));
@@ -120,7 +120,7 @@ fn extents(s: &Silhouette, line: &Line, z: f64) -> Option<[f64; 2]> {
             }
             let e = at(next);
             if e < 0.0 {
-                // Between two places: false position on a field that is nearly linear.
+                // Between two points: false position on a field that is nearly linear.
                 let (mut a, mut b) = ((u, d), (next, e));
                 for _ in 0..4 {
                     let x = a.0 + (b.0 - a.0) * a.1 / (a.1 - b.1);
@@ -145,7 +145,7 @@ mod tests {
     #[test]
     fn a_leaning_ellipse_is_read_in_the_axis_own_frame() {
         // An upright ellipse in the axis' frame, about 5 px right of the axis and 100 px above the foot.
-        let line = Line { column_px: 151.3, row_px: 260.2, roll_rad: 0.03 };
+        let line = AxisLine { column_px: 151.3, row_px: 260.2, roll_rad: 0.03 };
         let size = [320, 300];
         let distance_px = (0..size[0] * size[1])
             .map(|k| {
@@ -161,7 +161,7 @@ mod tests {
             assert!((p.reach_px[k] - (half - 5.0)).abs() < 0.1, "{z}: {} {half}", p.reach_px[k]);
             assert!((p.reach_px[p.z_px.len() + k] - (half + 5.0)).abs() < 0.1);
         }
-        let [u, z] = line.coordinates(line.place(12.0, 34.0));
+        let [u, z] = line.coordinates(line.pixel(12.0, 34.0));
         assert!((u - 12.0).abs() < 1e-12 && (z - 34.0).abs() < 1e-12);
     }
 }

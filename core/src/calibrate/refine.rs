@@ -1,11 +1,11 @@
-//! From the silhouettes of a session to the rig's numbers.
+//! Calibration of the rig from the silhouettes of a session.
 
 use super::calibration::{Calibration, Finding, FindingKind, Rotation, ViewCalibration};
 use super::fit::{
-    Fit, MODEST, Prior, Priors, RECIPROCAL, RISE, ROLL, SHARED, Sample, Spreads, Upright, VIEW_SIGMA_STEPS,
-    fit,
+    ELEVATION, Fit, MODEST, PedestalObservation, Prior, Priors, RECIPROCAL, ROLL, SHARED, Sample, Spreads,
+    VIEW_SIGMA_STEPS, fit,
 };
-use super::profile::Line;
+use super::profile::AxisLine;
 use super::turning::{self, Change, STEP_SIZE, Turning};
 use super::{Axis, AxisError, AxisMethod, How, Measured, find_axis};
 use crate::geometry::Angle;
@@ -19,9 +19,9 @@ const MOST_VIEWS: usize = 100;
 const ROUNDS: usize = 3;
 /// What a number must be of its standard uncertainty to count as seen.
 const SEEN_SIGMAS: f64 = 4.0;
-/// What [`MODEST`] is for the reciprocal distance and for the rays' rise, which small errors of the outlines move most.
+/// What [`MODEST`] is for the reciprocal distance and for the rays' elevation, which small errors of the outlines move most.
 const MODEST_RECIPROCAL: f64 = 2.2;
-const MODEST_RISE: f64 = 4.4;
+const MODEST_ELEVATION: f64 = 4.4;
 /// How far a distance that somebody noted may be off, as a share of its reciprocal (standard deviation): it is measured
 /// to the lens' front, to the camera's back, or was another lens'.
 const NOTED_DISTANCE: f64 = 0.5;
@@ -29,10 +29,10 @@ const NOTED_DISTANCE: f64 = 0.5;
 const OUTLINE_PX: f64 = 0.08;
 /// What of it a near camera may be taken for, pixels (standard deviation).
 const NEAR_PX: f64 = 0.03;
-/// Widest gap between views over which slips can be told, degrees.
+/// Widest gap between views over which slips can be detected, degrees.
 const WIDEST_GAP_DEG: f64 = 20.0;
-/// Where the pictures speak against the sense of rotation by so many standard uncertainties, this is said. That parallel
-/// views cannot tell it is no news: it is configured, `rotation.how` says that it was taken from there, and a mirrored
+/// Where the pictures speak against the sense of rotation by so many standard uncertainties, a warning is given. That parallel
+/// views do not show it needs none: it is configured, `rotation.how` states that it was taken from there, and a mirrored
 /// grain has the same volume, size, mesh and compression.
 const DOUBTED_SIGMAS: f64 = 2.5;
 /// A view's shift beyond this many times what is usual is worth a word.
@@ -48,7 +48,7 @@ pub struct SeenView<'a> {
     /// The outline.
     pub silhouette: &'a Silhouette,
     /// The pedestal, where it was seen.
-    pub pedestal: Option<Upright>,
+    pub pedestal: Option<PedestalObservation>,
     /// Whether the outline may be wrong (see the view's quality).
     pub bad: bool,
 }
@@ -66,7 +66,7 @@ pub struct Known {
     pub axis_column_px: Option<f64>,
     /// Roll, degrees.
     pub roll_deg: Option<f64>,
-    /// Whether the grain is said to turn clockwise when the stage angle grows.
+    /// Whether the grain is configured to turn clockwise when the stage angle grows.
     pub clockwise: bool,
     /// A full step of the motor, degrees.
     pub full_step_deg: f64,
@@ -77,11 +77,11 @@ pub struct Known {
 /// Measures the rig from all views; the axis as found by mirror images or tangency is what it starts from.
 ///
 /// # Errors
-/// [`AxisError`] where neither the views nor the user say where the axis is.
+/// [`AxisError`] where neither the views nor the user give the axis.
 pub fn calibrate(views: &[SeenView], known: &Known) -> Result<(Calibration, Axis), AxisError> {
     let sense = if known.clockwise { -1.0 } else { 1.0 };
     let axis = first_axis(views, known, sense)?;
-    let start = Line {
+    let start = AxisLine {
         column_px: axis.column_px + axis.roll_rad.tan() * (known.origin_row_px - axis.row_px),
         row_px: known.origin_row_px,
         roll_rad: axis.roll_rad,
@@ -89,7 +89,7 @@ pub fn calibrate(views: &[SeenView], known: &Known) -> Result<(Calibration, Axis
     let samples: Vec<Sample> =
         views.iter().map(|v| Sample { silhouette: v.silhouette, pedestal: v.pedestal }).collect();
     let made = ((LEAST_VIEWS..=MOST_VIEWS).contains(&views.len()))
-        .then(|| Worked::of(views, &samples, known, &start, sense))
+        .then(|| FittedRig::of(views, &samples, known, &start, sense))
         .flatten();
     Ok((made.map_or_else(|| unmeasured(views, known, &start), |w| w.calibration(views, known)), axis))
 }
@@ -111,17 +111,23 @@ fn first_axis(views: &[SeenView], known: &Known, sense: f64) -> Result<Axis, Axi
 }
 
 /// The fit, and how its angles are to be read.
-struct Worked {
+struct FittedRig {
     turning: Turning,
     /// 1 where signed angles are the stage's, −1 where they are its negatives.
     sense: f64,
     sense_seen: bool,
-    /// Reciprocal distance as the pictures alone tell it, and its standard uncertainty, 1/pixels.
+    /// Reciprocal distance from the pictures alone, and its standard uncertainty, 1/pixels.
     reciprocal: (f64, f64),
 }
 
-impl Worked {
-    fn of(views: &[SeenView], samples: &[Sample], known: &Known, start: &Line, sense: f64) -> Option<Self> {
+impl FittedRig {
+    fn of(
+        views: &[SeenView],
+        samples: &[Sample],
+        known: &Known,
+        start: &AxisLine,
+        sense: f64,
+    ) -> Option<Self> {
         let exactly = |value: f64| Prior { value, sigma: 1e-9 };
         let priors = Priors {
             column_px: known.axis_column_px.map(|c| Prior { value: c, sigma: 1e-6 }),
@@ -130,12 +136,12 @@ impl Worked {
             full_step_rad: known.full_step_deg.to_radians(),
         };
         let blind = blind(views);
-        let work = |sense: f64, line: &Line| -> Option<Turning> {
+        let work = |sense: f64, line: &AxisLine| -> Option<Turning> {
             let angles: Vec<f64> = views.iter().map(|v| sense * v.angle.rad()).collect();
             let first = fit(samples, &angles, &priors, line, Spreads::Sought, ROUNDS)?;
             let mut turning = match blind {
                 None => turning::look(samples, &angles, &priors, first),
-                Some(_) => Turning::as_told(&angles, first),
+                Some(_) => Turning::nominal(&angles, first),
             };
             turning.fit.step_sigma = turning.step_sigma(samples);
             Some(turning)
@@ -144,18 +150,18 @@ impl Worked {
         let mut turning = work(sense, start)?;
         // A near camera moves the outline in proportion to the square of its reach: of a small grain that is less than what the
         // outline may be off by.
-        let told = |f: &Fit| {
+        let reciprocal_of = |f: &Fit| {
             let sigma = f.sigma(RECIPROCAL, MODEST_RECIPROCAL);
             (f.parameters[RECIPROCAL], sigma.hypot(NEAR_PX / f.mean_reach_px.powi(2)))
         };
-        let (q, sigma) = told(&turning.fit);
+        let (q, sigma) = reciprocal_of(&turning.fit);
         // Seen from a finite distance, the grain's mirror image turning the other way would need a camera behind it.
         if q < -SEEN_SIGMAS * sigma {
             sense = -sense;
             let line = turning.fit.line;
             turning = work(sense, &line)?;
         }
-        let reciprocal = told(&turning.fit);
+        let reciprocal = reciprocal_of(&turning.fit);
         let sense_seen = reciprocal.0 > SEEN_SIGMAS * reciprocal.1;
         if let (Some(distance), Some(scale)) = (known.camera_distance_mm, known.mm_per_px.value) {
             let noted = scale / distance;
@@ -179,16 +185,16 @@ impl Worked {
         let shared = OUTLINE_PX * (2.0 / height);
         let sigma = |k: usize, more: f64| fit.sigma(k, MODEST).hypot(more);
         let scale = known.mm_per_px.value.unwrap_or(1.0);
-        let (camera_distance_mm, camera_distance_says) = self.distance(known, scale, fit, &mut warnings);
-        let rise = fit.parameters[RISE];
-        let rise_sigma = fit.sigma(RISE, MODEST_RISE).hypot(shared);
-        let elevation_deg = if rise.abs() > SEEN_SIGMAS * rise_sigma {
-            Measured::measured(rise.to_degrees(), rise_sigma.to_degrees())
+        let (camera_distance_mm, camera_distance_note) = self.distance(known, scale, fit, &mut warnings);
+        let elevation = fit.parameters[ELEVATION];
+        let elevation_sigma = fit.sigma(ELEVATION, MODEST_ELEVATION).hypot(shared);
+        let elevation_deg = if elevation.abs() > SEEN_SIGMAS * elevation_sigma {
+            Measured::measured(elevation.to_degrees(), elevation_sigma.to_degrees())
         } else {
-            // Level is what it is taken for: it may be what the outlines say, and as much more as they may be off.
-            Measured::assumed(0.0, Some(rise.hypot(rise_sigma).to_degrees()))
+            // Level is what it is taken for: it may be what the outlines give, and as much more as they may be off.
+            Measured::assumed(0.0, Some(elevation.hypot(elevation_sigma).to_degrees()))
         };
-        let typical = fit.hyper.wobble_px.max(0.1);
+        let typical = fit.hyper.runout_px.max(0.1);
         let details: Vec<ViewCalibration> = (views.iter().enumerate())
             .map(|(i, v)| {
                 let offset_px = fit.offset_px(i);
@@ -245,13 +251,13 @@ impl Worked {
                 Measured::measured(fit.line.roll_rad.to_degrees(), sigma(ROLL, shared).to_degrees()),
             ),
             camera_distance_mm,
-            camera_distance_says,
+            camera_distance_note,
             elevation_deg,
             rotation: Rotation {
                 counter_clockwise,
                 how: if self.sense_seen { How::Measured } else { How::Assumed },
             },
-            wobble_px: fit.hyper.wobble_px,
+            radial_runout_px: fit.hyper.runout_px,
             residual_px: fit.hyper.noise_px.hypot(fit.hyper.edge_px),
             refined: known.refine,
             views: details,
@@ -260,7 +266,7 @@ impl Worked {
         }
     }
 
-    /// The distance as noted and measured, or how far the camera must be at least; what the pictures alone say of it.
+    /// The distance as noted and measured, or how far the camera must be at least; the pictures' own evidence on it.
     fn distance(
         &self,
         known: &Known,
@@ -271,7 +277,7 @@ impl Worked {
         let (q, sigma) = self.reciprocal;
         let nearest = scale / (q.max(0.0) + SEEN_SIGMAS * sigma);
         let seen = q > SEEN_SIGMAS * sigma;
-        let says = if seen {
+        let note = if seen {
             format!("the outlines say {:.0} ± {:.0} mm", scale / q, distance_sigma_mm(scale, q, sigma))
         } else if nearest < 20.0 * fit.mean_reach_px * scale {
             "the outlines do not show it".into()
@@ -283,7 +289,7 @@ impl Worked {
         let refuted = known.camera_distance_mm.filter(|d| (q - scale / d).abs() > SEEN_SIGMAS * sigma);
         if let Some(d) = refuted {
             warnings.push(format!(
-                "the camera's distance is given as {d} mm, but {says}: the outlines are believed; check the given one"
+                "the camera's distance is given as {d} mm, but {note}: the outlines are believed; check the given one"
             ));
         }
         // With what was noted, where that can be.
@@ -296,15 +302,15 @@ impl Worked {
             // What was noted is not left out without a word.
             if let (Some(d), None) = (known.camera_distance_mm, refuted) {
                 warnings.push(format!(
-                    "the camera's distance is given as {d} mm, but {says}: the views are taken for parallel; check the given one"
+                    "the camera's distance is given as {d} mm, but {note}: the views are taken for parallel; check the given one"
                 ));
             }
             Measured::not_observable()
         };
-        (measured, says)
+        (measured, note)
     }
 
-    fn finding(&self, found: &turning::Found, views: &[SeenView]) -> Finding {
+    fn finding(&self, found: &turning::DetectedChange, views: &[SeenView]) -> Finding {
         let degrees = (self.sense * found.rad).to_degrees();
         let sigma_deg = MODEST * found.sigma_rad.to_degrees();
         let travel = views.last().map_or(0.0, |v| (v.angle - views[0].angle).deg());
@@ -333,7 +339,7 @@ impl Worked {
             }
             Change::From(k) => {
                 let [from, to] = found.between.map(|k| views[k].index);
-                let place = if from == to {
+                let range = if from == to {
                     format!("from view {from} on")
                 } else {
                     format!("from view {} on (as likely as any of {from} to {to})", views[k].index)
@@ -367,7 +373,7 @@ impl Worked {
                     degrees,
                     sigma_deg,
                     step_ratio: None,
-                    text: format!("{place}, the grain is {size:.1}° ± {sigma_deg:.1}° {how}{cause}"),
+                    text: format!("{range}, the grain is {size:.1}° ± {sigma_deg:.1}° {how}{cause}"),
                 }
             }
         }
@@ -379,7 +385,7 @@ fn distance_sigma_mm(scale: f64, reciprocal: f64, sigma: f64) -> f64 {
     0.5 * (scale / (reciprocal - sigma) - scale / (reciprocal + sigma))
 }
 
-/// Why slips cannot be told, where they cannot: the outlines must be right, and reach round the grain.
+/// Why slips cannot be detected, where they cannot: the outlines must be right, and reach round the grain.
 fn blind(views: &[SeenView]) -> Option<String> {
     if let Some(bad) = views.iter().find(|v| v.bad) {
         return Some(format!(
@@ -405,7 +411,7 @@ fn blind(views: &[SeenView]) -> Option<String> {
 }
 
 /// Too few views or rows to hold against one another: what is given or was found at first stands.
-fn unmeasured(views: &[SeenView], known: &Known, start: &Line) -> Calibration {
+fn unmeasured(views: &[SeenView], known: &Known, start: &AxisLine) -> Calibration {
     let stated = |given: Option<f64>, found: f64| match given {
         Some(v) => Measured::given(v, None),
         None => Measured { value: Some(found), sigma: None, how: How::Measured },
@@ -417,10 +423,10 @@ fn unmeasured(views: &[SeenView], known: &Known, start: &Line) -> Calibration {
         roll_deg: stated(known.roll_deg, start.roll_rad.to_degrees()),
         camera_distance_mm: (known.camera_distance_mm)
             .map_or_else(Measured::not_observable, |d| Measured::given(d, None)),
-        camera_distance_says: "the views were not held against one another".into(),
+        camera_distance_note: "the views were not held against one another".into(),
         elevation_deg: Measured::assumed(0.0, None),
         rotation: Rotation { counter_clockwise: !known.clockwise, how: How::Assumed },
-        wobble_px: 0.0,
+        radial_runout_px: 0.0,
         residual_px: 0.0,
         refined: false,
         views: (views.iter())

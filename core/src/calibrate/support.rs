@@ -1,12 +1,18 @@
-//! The grain's slices as random functions: what neighbouring views say of a view.
+//! The grain's slices as Gaussian random functions: support function, covariance, marginal likelihood.
 //!
 //! The reach of a slice in the direction t is its support function h(t). With ρ = h + h″, the radius of curvature of
 //! the slice's convex hull, white about its mean along t, harmonic n of h has variance σ²/(n² − 1)²; harmonics 0 and
-//! 1 (size and place) are free in every slice. Slices at heights Δz apart are alike as exp(−|Δz|/ℓ). Both together
-//! make a covariance that is a Kronecker product, so that in the eigenvectors of the heights' part every problem
+//! 1 (size and position) are free in every slice. Slices at heights Δz apart are alike as exp(−|Δz|/ℓ). Both together
+//! make a covariance that is a Kronecker product,
+//!
+//! ```text
+//! cov(h(t, z), h(t₁, z₁)) = σ² Σ_{n ≥ 2} cos n(t − t₁)/(n² − 1)² · exp(−|z − z₁|/ℓ)
+//! ```
+//!
+//! so that in the eigenvectors of the heights' part every problem
 //! falls into small ones. The free harmonics are left out by looking only at combinations of the directions that they do
-//! not reach, which is what an unbounded variance comes to (kriging; Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, §2.7 for
-//! the free terms, §5.4 for the marginal likelihood).
+//! not reach, which is what an unbounded variance comes to (kriging; Rasmussen and Williams, Gaussian Processes for Machine
+//! Learning, 2006, §2.7 for the free terms, §5.4 for the marginal likelihood).
 
 use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
 use rayon::prelude::*;
@@ -29,9 +35,9 @@ pub(super) struct Hyper {
     /// what they do not.
     pub edge_px: f64,
     pub noise_px: f64,
-    /// Standard deviation of the views' sideways shifts, pixels.
-    pub wobble_px: f64,
-    /// Standard deviation of the pedestal's place in a view, pixels.
+    /// Standard deviation of the views' sideways shifts (radial runout), pixels.
+    pub runout_px: f64,
+    /// Standard deviation of the pedestal's position in a view, pixels.
     pub pedestal_px: f64,
 }
 
@@ -220,13 +226,13 @@ mod tests {
             alike: 0.3,
             edge_px: 0.02,
             noise_px: 0.05,
-            wobble_px: 0.3,
+            runout_px: 0.3,
             pedestal_px: 0.1,
         }
     }
 
     #[test]
-    fn an_ellipse_is_told_from_its_neighbours_with_its_slope() {
+    fn an_ellipse_is_predicted_from_its_neighbours_with_its_slope() {
         let n = 50;
         let t: Vec<f64> = (0..n).map(|i| f64::from(i) * std::f64::consts::TAU / f64::from(n)).collect();
         let z: Vec<f64> = (0..12).map(f64::from).collect();

@@ -1,14 +1,14 @@
-//! Whether the grain turned as the stage did: slips, lost steps, a wrong step size.
+//! Change detection in the angles: slips, lost steps, a wrong step size.
 //!
-//! *How much* is told by views that see the same outline (see [`super::closing`]). *Where* is told by the slices'
+//! *How much* is measured by views that see the same outline (see [`super::closing`]). *Where* is located by the slices'
 //! curvature: the outline's reach in three neighbouring directions gives the mean radius of curvature of the convex
 //! slice between them, which is never negative and, for a grain with corners and facets, is alike or jumps from one
-//! place to the next. With wrong angles nearly all of them are off. So a Cauchy likelihood of its steps, and of what
-//! is negative, tells where the angles went wrong (Huber and Ronchetti, Robust Statistics, 2009, on why not squares).
+//! direction to the next. With wrong angles nearly all of them are off. So a Cauchy likelihood of its steps, and of what
+//! is negative, locates where the angles went wrong (Huber and Ronchetti, Robust Statistics, 2009, on why not squares).
 
 use super::closing::{Closing, closings, near_closings};
 use super::fit::{Fit, MODEST, Priors, Sample, Spreads, fit};
-use super::profile::Line;
+use super::profile::AxisLine;
 use nalgebra::DMatrix;
 
 /// The evidence that a change must have: what the curvatures' likelihood gains for every height, weighed against what
@@ -20,7 +20,7 @@ const GAIN_WEIGHT: f64 = 3.0;
 /// The closing views' standard deviations are too small by this much, and by this many radians.
 const CLOSING_MODEST: f64 = 1.5;
 const CLOSING_RAD: f64 = 0.1 * RAD_PER_DEG;
-/// What a change that closing views tell may be off by, as a share of it: slopes between views are not known.
+/// What a change that closing views measure may be off by, as a share of it: slopes between views are not known.
 const CLOSING_SHARE: f64 = 0.12;
 /// The change must matter, radians at the end of the turn.
 const LEAST_RAD: f64 = 0.62 * RAD_PER_DEG;
@@ -28,10 +28,10 @@ const RAD_PER_DEG: f64 = std::f64::consts::PI / 180.0;
 /// Grids on which changes are tried: pitch and count to either side.
 const GRIDS: [(f64, i32); 2] = [(0.1 * RAD_PER_DEG, 25), (1.5 * RAD_PER_DEG, 20)];
 const FINE: (f64, i32) = (0.02 * RAD_PER_DEG, 25);
-/// Beyond this closing views cannot tell how much, radians; then the curvatures must gain more.
+/// Beyond this closing views cannot measure how much, radians; then the curvatures must gain more.
 const LINEAR_RAD: f64 = 2.5 * RAD_PER_DEG;
 const LARGE_GAIN: f64 = 5.0;
-/// How well the curvature alone tells a change, radians (standard deviation), where it gains so much by it.
+/// How well the curvature alone measures a change, radians (standard deviation), where it gains so much by it.
 const CURVATURE_RAD: f64 = 0.15 * RAD_PER_DEG;
 const CURVATURE_GAIN: f64 = 3.0;
 /// How far every step of a stage may be off, as a share (standard deviation): a belt's or a worm's pitch, a gear's teeth.
@@ -47,16 +47,16 @@ const SURE_SIGMAS: f64 = 3.5;
 const SURE_STEP_SIGMAS: f64 = 12.0;
 /// What they may be off by, as a share of the angle between their directions.
 const GAP_SHARE: f64 = 0.1;
-/// How many places are worked out in full.
+/// How many candidates are worked out in full.
 const WORKED_OUT: usize = 4;
-/// A place whose evidence is no more than this below the best one's is as good.
+/// A candidate whose evidence is no more than this below the best one's is as good.
 const AS_GOOD: f64 = 2.0;
 /// What speaks for a slip must be this much more than what speaks for a step size that is a little wrong, or it may be
 /// either: of 120 random rigs with a wrong step size five looked like a slip, three by 3.1 at most, two by 6.5, and of 16
 /// with a slip none by less than 4.3. As far as whole steps of the motor it is not by chance.
 const SURELY_SLIPPED: f64 = 3.5;
 const SURELY_LOST: f64 = 1.0;
-/// And the closing views by themselves must say so much for it, or the curvatures gain as much as for a large change.
+/// And the closing views by themselves must give so much evidence for it, or the curvatures gain as much as for a large change.
 const SURELY_CLOSES: f64 = 4.0;
 /// What closing views speak against by so much has not happened, whatever else speaks for it: where views are few, the
 /// curvatures like a turn that is wrong by a whole view best of all.
@@ -65,7 +65,7 @@ const REFUTED: f64 = 4.0;
 const WHOLE_SIGMAS: f64 = 3.2;
 const WHOLE_RAD: f64 = 0.04 * RAD_PER_DEG;
 const WHOLE_SHARE: f64 = 0.25;
-/// Most changes that are told in one session.
+/// Most changes that are detected in one session.
 const MOST_CHANGES: usize = 3;
 /// Directions closer than this are one, radians, or closer than this share of the usual angle between views: between directions
 /// at half that angle the curvature is four times less sure, which would speak against every change that puts them there.
@@ -76,7 +76,7 @@ const ORDINARY: f64 = 0.5;
 const NEGATIVE: f64 = 2.0;
 /// Most directions that the evidence is stated for: those of half a turn's usual views. Between more the curvature is less sure.
 const MOST_DIRECTIONS: f64 = 50.0;
-/// Rounds of working a place out.
+/// Rounds of working a candidate out.
 const ROUNDS: usize = 2;
 
 /// A change of all later angles, or of all.
@@ -107,14 +107,14 @@ impl Change {
     }
 }
 
-/// A change that was found.
+/// A change that was detected.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Found {
+pub(super) struct DetectedChange {
     pub change: Change,
     /// Radians ahead; for [`Change::Step`] at the farthest view.
     pub rad: f64,
     pub sigma_rad: f64,
-    /// The places that are as good, for [`Change::From`].
+    /// First and last view that are as good, for [`Change::From`].
     pub between: [usize; 2],
     /// How many whole steps of the motor it is behind; 0 where it is not.
     pub lost_steps: u32,
@@ -124,21 +124,21 @@ pub(super) struct Found {
 
 /// The changes, and the fit with the angles that they lead to.
 pub(super) struct Turning {
-    pub found: Vec<Found>,
+    pub found: Vec<DetectedChange>,
     pub angles: Vec<f64>,
-    /// What an angle may be off by because one of two changes happened and nothing tells which, radians.
+    /// What an angle may be off by because one of two changes happened and nothing shows which, radians.
     pub unsure_rad: Vec<f64>,
     pub fit: Fit,
 }
 
 impl Turning {
-    /// The angles as the stage told them.
-    pub(super) fn as_told(angles: &[f64], fit: Fit) -> Self {
+    /// The angles as the stage reports them.
+    pub(super) fn nominal(angles: &[f64], fit: Fit) -> Self {
         Self { found: Vec::new(), angles: angles.to_vec(), unsure_rad: vec![0.0; angles.len()], fit }
     }
 
     /// What every step may be off by beyond what was found, as a share of it (standard deviation): what was known
-    /// beforehand, and what the closing views say. It is not mended, so that what they say of it counts as well.
+    /// beforehand, and what the closing views measure. It is not corrected, so that what they measure counts as well.
     pub(super) fn step_sigma(&self, views: &[Sample]) -> f64 {
         let sigma_rad = MODEST * self.found.iter().map(|f| f.sigma_rad.powi(2)).sum::<f64>().sqrt();
         let span = Change::span(&self.angles);
@@ -160,8 +160,8 @@ impl Turning {
 
 /// Looks for changes until none is left; `first` is the fit at `angles`.
 pub(super) fn look(views: &[Sample], angles: &[f64], priors: &Priors, first: Fit) -> Turning {
-    let mut now = Turning::as_told(angles, first);
-    // After a large change the angles are not known well enough to tell small ones.
+    let mut now = Turning::nominal(angles, first);
+    // After a large change the angles are not known well enough to detect small ones.
     while now.found.len() < MOST_CHANGES && !now.found.iter().any(|f| f.or_step || f.rad.abs() > SETTLED_RAD)
     {
         let Some(next) = one(views, priors, &now) else { break };
@@ -176,8 +176,8 @@ struct Tried {
     change: Change,
     rad: f64,
     cost: f64,
-    /// How much it is, with its standard deviation, where views told that see the same outline once it is mended.
-    told: Option<[f64; 2]>,
+    /// How much it is, with its standard deviation, where views that see the same outline once it is corrected measured it.
+    measured: Option<[f64; 2]>,
 }
 
 /// What changes are held against.
@@ -220,7 +220,7 @@ impl<'a> Search<'a> {
         Tried {
             change,
             rad,
-            told: None,
+            measured: None,
             cost: cost(&curvatures(&self.moved(change, rad), shape), self.ordinary),
         }
     }
@@ -231,7 +231,7 @@ impl<'a> Search<'a> {
         self.closings.iter().map(move |c| (c, pattern[c.views[1]] - pattern[c.views[0]]))
     }
 
-    /// How unlikely it makes what the closing views tell: minus the logarithm of the likelihood.
+    /// How unlikely it makes what the closing views measure: minus the logarithm of the likelihood.
     fn amiss(&self, change: Change, rad: f64) -> f64 {
         let large = rad.abs() > LINEAR_RAD;
         // How much a large change makes of a pair is not known, but not that it brings the same outline back.
@@ -261,14 +261,14 @@ impl<'a> Search<'a> {
         GAIN_WEIGHT * gain + closes
     }
 
-    /// What the closing views say for a change, natural logarithms.
+    /// Evidence of the closing views for a change, natural logarithms.
     fn closes(&self, t: &Tried) -> f64 {
         self.nothing - self.amiss(t.change, t.rad)
     }
 
-    /// A large change as the views that see the same outline once it is mended tell how much it is. None where they do not agree
+    /// A large change as measured by the views that see the same outline once it is corrected. None where they do not agree
     /// that it happened; as it is where there are none at all.
-    fn settled(&self, t: Tried, views: &[Sample], line: &Line) -> Option<Tried> {
+    fn settled(&self, t: Tried, views: &[Sample], line: &AxisLine) -> Option<Tried> {
         if t.rad.abs() < SETTLED_RAD {
             return Some(t);
         }
@@ -286,8 +286,8 @@ impl<'a> Search<'a> {
             }
             if weights == 0.0 {
                 // Where others see the same outline as it is, they would have to when it is mended.
-                let told = Some([rad, LINEAR_RAD]);
-                return self.closings.is_empty().then_some(Tried { rad, told, ..t });
+                let measured = Some([rad, LINEAR_RAD]);
+                return self.closings.is_empty().then_some(Tried { rad, measured, ..t });
             }
             let more = sum / weights;
             // Midway between two directions now the one, now the other is nearer, and each is off the other way.
@@ -300,28 +300,28 @@ impl<'a> Search<'a> {
                 // A gear that was noted wrong is rarer than a grain that slips.
                 let sigmas = if t.change == Change::Step { SURE_STEP_SIGMAS } else { SURE_SIGMAS };
                 let sure = squares < AGREE * f64::from(met) && rad.abs() > LEAST_RAD.max(sigmas * sigma);
-                return sure.then_some(Tried { rad, told: Some([rad, sigma]), ..t });
+                return sure.then_some(Tried { rad, measured: Some([rad, sigma]), ..t });
             }
             rad += part * more.clamp(-LINEAR_RAD, LINEAR_RAD);
         }
         None
     }
 
-    /// How much, with its standard deviation: what the curvature says, what the closing views do, and how far steps are
+    /// How much, with its standard deviation: what the curvature gives, what the closing views measure, and how far steps are
     /// off at most.
-    fn how_much(&self, place: &Tried) -> [f64; 2] {
-        if let Some(told) = place.told {
-            return told;
+    fn how_much(&self, candidate: &Tried) -> [f64; 2] {
+        if let Some(measured) = candidate.measured {
+            return measured;
         }
-        let told = (self.gain(place) / CURVATURE_GAIN).clamp(0.1, 1.0);
-        let mut weights = (CURVATURE_RAD / told).powi(-2);
-        let mut sum = weights * place.rad;
-        if place.change == Change::Step && place.rad.abs() <= LINEAR_RAD {
+        let certainty = (self.gain(candidate) / CURVATURE_GAIN).clamp(0.1, 1.0);
+        let mut weights = (CURVATURE_RAD / certainty).powi(-2);
+        let mut sum = weights * candidate.rad;
+        if candidate.change == Change::Step && candidate.rad.abs() <= LINEAR_RAD {
             weights += (STEP_SIZE * Change::span(self.angles)).powi(-2);
         }
-        if place.rad.abs() <= LINEAR_RAD {
-            for (c, share) in self.shares(place.change) {
-                let weight = 1.0 / variance(c, place.rad * share);
+        if candidate.rad.abs() <= LINEAR_RAD {
+            for (c, share) in self.shares(candidate.change) {
+                let weight = 1.0 / variance(c, candidate.rad * share);
                 weights += weight * share * share;
                 sum += weight * share * c.rad;
             }
@@ -330,7 +330,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Variance of what a pair of closing views tells of a change of so much, rad².
+/// Variance of a pair of closing views' measurement of a change of so much, rad².
 fn variance(c: &Closing, expected_rad: f64) -> f64 {
     (CLOSING_MODEST * c.sigma_rad).powi(2) + CLOSING_RAD.powi(2) + (CLOSING_SHARE * expected_rad).powi(2)
 }
@@ -350,21 +350,21 @@ fn one(views: &[Sample], priors: &Priors, now: &Turning) -> Option<Turning> {
         .flat_map_iter(|change| GRIDS.into_iter().filter_map(move |grid| likeliest(change, grid)))
         .collect();
     tried.sort_by(|a, b| b.0.total_cmp(&a.0));
-    // Every step a little wrong leaves no mark in one place: it is always among the likeliest.
+    // Every step a little wrong leaves no mark at one view: it is always among the likeliest.
     let step = tried.iter().find(|t| t.1.change == Change::Step).map(|t| t.1);
     tried.retain(|t| t.1.rad.abs() > LEAST_RAD && t.0 > LEAST_EVIDENCE);
     let best = tried.first()?.0;
     // The equations were written for angles that were wrong: write them again for each of the likeliest.
-    let mut places: Vec<Tried> = tried.iter().take(WORKED_OUT).map(|t| t.1).collect();
-    places.extend(step);
-    let worked = places.into_iter().filter_map(|t| {
+    let mut candidates: Vec<Tried> = tried.iter().take(WORKED_OUT).map(|t| t.1).collect();
+    candidates.extend(step);
+    let worked = candidates.into_iter().filter_map(|t| {
         let t = search.settled(t, views, &now.fit.line)?;
         let angles = search.moved(t.change, t.rad);
         let fitted = fit(views, &angles, priors, &now.fit.line, Spreads::Known(now.fit.hyper), ROUNDS)?;
-        let (pitch, count) = if t.told.is_some() { (0.0, 0) } else { FINE };
+        let (pitch, count) = if t.measured.is_some() { (0.0, 0) } else { FINE };
         let (score, fine) = (-count..=count)
             .map(|k| search.tried(t.change, t.rad + f64::from(k) * pitch, &fitted.shape))
-            .map(|fine| Tried { told: t.told, ..fine })
+            .map(|fine| Tried { measured: t.measured, ..fine })
             .map(|t| (search.evidence(&t), t))
             .max_by(|a, b| a.0.total_cmp(&b.0))?;
         Some((score, fine, fitted))
@@ -372,17 +372,18 @@ fn one(views: &[Sample], priors: &Priors, now: &Turning) -> Option<Turning> {
     let mut worked: Vec<(f64, Tried, Fit)> = worked.collect();
     worked.sort_by(|a, b| b.0.total_cmp(&a.0));
     let stepped = worked.iter().find(|w| w.1.change == Change::Step).map(|w| (w.0, w.1));
-    let sure = |(score, place, _): &(f64, Tried, Fit)| {
-        let [rad, sigma_rad] = search.how_much(place);
+    let sure = |(score, candidate, _): &(f64, Tried, Fit)| {
+        let [rad, sigma_rad] = search.how_much(candidate);
         *score > LEAST_EVIDENCE && rad.abs() > LEAST_RAD.max(SURE_SIGMAS * sigma_rad)
     };
-    let (score, place, fitted) = worked.into_iter().find(sure)?;
-    let [rad, sigma_rad] = search.how_much(&place);
-    let mut angles = search.moved(place.change, rad);
-    let lost_steps = lost_steps(&place, [rad, sigma_rad], &search, priors);
+    let (score, candidate, fitted) = worked.into_iter().find(sure)?;
+    let [rad, sigma_rad] = search.how_much(&candidate);
+    let mut angles = search.moved(candidate.change, rad);
+    let lost_steps = lost_steps(&candidate, [rad, sigma_rad], &search, priors);
     let surely = if lost_steps > 0 { SURELY_LOST } else { SURELY_SLIPPED };
-    let supported = search.gain(&place) > LARGE_GAIN || search.closes(&place) > SURELY_CLOSES;
-    let stepped = stepped.filter(|s| place.change != Change::Step && (s.0 > score - surely || !supported));
+    let supported = search.gain(&candidate) > LARGE_GAIN || search.closes(&candidate) > SURELY_CLOSES;
+    let stepped =
+        stepped.filter(|s| candidate.change != Change::Step && (s.0 > score - surely || !supported));
     let mut unsure_rad = vec![0.0; angles.len()];
     if let Some((_, stepped)) = stepped {
         // In the middle between the two, and as unsure as they are apart.
@@ -396,11 +397,11 @@ fn one(views: &[Sample], priors: &Priors, now: &Turning) -> Option<Turning> {
     }
     let fit = fit(views, &angles, priors, &fitted.line, Spreads::SoughtFrom(fitted.hyper), ROUNDS)?;
     let mut found = now.found.clone();
-    found.push(Found {
-        change: place.change,
+    found.push(DetectedChange {
+        change: candidate.change,
         rad,
         sigma_rad,
-        between: between(&tried, &place, best),
+        between: between(&tried, &candidate, best),
         lost_steps,
         or_step: stepped.is_some(),
     });
@@ -408,21 +409,21 @@ fn one(views: &[Sample], priors: &Priors, now: &Turning) -> Option<Turning> {
 }
 
 /// How many whole steps of the motor were lost; 0 where that is not what happened.
-fn lost_steps(place: &Tried, [rad, sigma_rad]: [f64; 2], search: &Search, priors: &Priors) -> u32 {
+fn lost_steps(candidate: &Tried, [rad, sigma_rad]: [f64; 2], search: &Search, priors: &Priors) -> u32 {
     let travel = search.angles[search.angles.len() - 1] - search.angles[0];
     let step = priors.full_step_rad;
     let steps = (rad.abs() / step).round();
     let off = (rad.abs() - steps * step).abs();
     let near = (WHOLE_SIGMAS * sigma_rad).max(WHOLE_RAD).min(WHOLE_SHARE * step);
-    let lost = place.change != Change::Step && rad * travel < 0.0 && steps >= 1.0 && off < near;
+    let lost = candidate.change != Change::Step && rad * travel < 0.0 && steps >= 1.0 && off < near;
     if lost { steps as u32 } else { 0 }
 }
 
-/// The first and last place that are as good as the one chosen.
+/// The first and last view that are as good as the one chosen.
 fn between(tried: &[(f64, Tried)], chosen: &Tried, best: f64) -> [usize; 2] {
-    let Change::From(place) = chosen.change else { return [0, 0] };
+    let Change::From(candidate) = chosen.change else { return [0, 0] };
     let near = tried.iter().filter(|(evidence, t)| *evidence > best - AS_GOOD && t.rad * chosen.rad > 0.0);
-    near.fold([place, place], |[a, b], (_, t)| match t.change {
+    near.fold([candidate, candidate], |[a, b], (_, t)| match t.change {
         Change::From(k) => [a.min(k), b.max(k)],
         Change::Step => [a, b],
     })

@@ -1,4 +1,4 @@
-//! The camera of a turntable view.
+//! Projection of a turntable view: pinhole or parallel rays, roll, elevation, a view's own shift.
 
 use crate::geometry::{Angle, Projection};
 use nalgebra::Matrix3x4;
@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 
 /// A camera that stands still and looks along +y at a grain that turns about z.
 ///
-/// A place (x, y, z) of the grain is turned by the stage angle a (counter-clockwise seen from above) to
+/// A point (x, y, z) of the grain is turned by the stage angle a (counter-clockwise seen from above) to
 /// x' = x cos a − y sin a, y' = x sin a + y cos a; its picture is scaled by s = D/(D + y') (s = 1 for a
-/// telecentric lens); rays that rise going away see a place lower the farther it is; the picture is turned by the roll
+/// telecentric lens); rays that rise going away see a point lower the farther it is; the picture is turned by the roll
 /// about the axis' foot.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Turntable {
@@ -32,11 +32,11 @@ impl Turntable {
     pub fn view(&self, angle: Angle, offset_px: f64) -> Projection {
         let (sin, cos) = angle.rad().sin_cos();
         let m = self.mm_per_px;
-        // w = 1/s, linear in the place; u and v in pixels from the axis' foot, times w.
+        // w = 1/s, linear in the point; u and v in pixels from the axis' foot, times w.
         let w = self.camera_distance_mm.map_or([0.0, 0.0, 0.0, 1.0], |d| [sin / d, cos / d, 0.0, 1.0]);
         let u = [cos / m, -sin / m, 0.0, 0.0];
-        let rise = self.elevation_rad / m;
-        let v = [rise * sin, rise * cos, -1.0 / m, 0.0];
+        let elevation = self.elevation_rad / m;
+        let v = [elevation * sin, elevation * cos, -1.0 / m, 0.0];
         let (sr, cr) = self.roll_rad.sin_cos();
         let column = |k: usize| (self.axis_column_px + offset_px) * w[k] + u[k] * cr + v[k] * sr;
         let row = |k: usize| self.origin_row_px * w[k] - u[k] * sr + v[k] * cr;
@@ -73,7 +73,7 @@ mod tests {
         let expected = [524.7 + 2.5 + u * cr + v * sr, 705.0 - u * sr + v * cr];
         let got = t.view(angle, 2.5).project(&p).unwrap();
         assert!((got[0] - expected[0]).abs() < 1e-9 && (got[1] - expected[1]).abs() < 1e-9);
-        // A place on the ray through the foot does not move with depth, before a pinhole or a telecentric lens.
+        // A point on the ray through the foot does not move with depth, before a pinhole or a telecentric lens.
         for camera_distance_mm in [Some(120.0), None] {
             let rising = Turntable { elevation_rad: 0.02, roll_rad: 0.0, camera_distance_mm, ..t };
             for y in [-1.0, 0.0, 1.0] {

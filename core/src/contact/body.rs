@@ -1,14 +1,16 @@
-//! The grain's tetrahedra in the order and the batches in which they are computed.
+//! The finite element model: tetrahedra in the order and the batches in which they are computed, lumped masses.
 
 use super::elastic::{self, Moduli};
-use super::lanes::{Batch, Lane, Node, W, cofactors};
-use super::{ContactError, Material, limit, order};
+use super::lanes::{Batch, Lane, Node, W};
+use super::{ContactError, Material, element, order};
 use crate::mesh::TetMesh;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// Tetrahedra of a chunk: its nodes' places and forces (about 15 kB) stay in a core's nearest cache.
+/// Tetrahedra of a chunk: its nodes' positions and forces (about 15 kB) stay in a core's nearest cache.
 const CHUNK: usize = 1024;
+/// Nodes of a block, over which sums are made one after another.
+pub(super) const BLOCK: usize = 1024;
 /// The least and the most that a body may be long, mm: beyond them no figure that follows is worth anything.
 const SIZE_MM: [f64; 2] = [1e-6, 1e6];
 /// Share of the critical damping of an element's highest mode that bulk viscosity gives (Abaqus' and LS-DYNA's b₁).
@@ -21,7 +23,7 @@ pub(super) struct Chunk {
     pub nodes: Vec<u32>,
     /// The elements, eight by eight.
     pub batches: Vec<Batch>,
-    /// Place of the first element in the order of computation.
+    /// Index of the first element in the order of computation.
     pub first: usize,
     /// How many elements.
     pub count: usize,
@@ -32,13 +34,13 @@ pub(super) struct Chunk {
 pub struct Body {
     pub(super) material: Material,
     pub(super) chunks: Vec<Chunk>,
-    /// Places for nodal figures that each chunk has in the common list.
+    /// Slots for nodal figures that each chunk has in the common list.
     pub(super) stride: usize,
-    /// For each node where its places in that list begin in `slots`.
+    /// For each node where its slots in that list begin in `slots`.
     pub(super) slot_starts: Vec<u32>,
     pub(super) slots: Vec<u32>,
-    /// Nodes' places as meshed, mm, in the order of computation.
-    pub(super) rest: Vec<Node>,
+    /// Reference configuration: the nodes' positions as meshed, mm, in the order of computation.
+    pub(super) reference: Vec<Node>,
     /// Masses of the nodes, t, with what scaling added.
     pub(super) mass: Vec<f64>,
     /// Volumes of the nodes, mm³: a quarter of each element's.
@@ -47,8 +49,8 @@ pub struct Body {
     node_of: Vec<u32>,
     /// The mesh's tetrahedron number of each element.
     element_of: Vec<u32>,
-    /// The least stable step of an element by itself, for each element of the computation, s.
-    element_limit_s: Vec<f64>,
+    /// The critical time step of each element by itself, in the order of computation, s.
+    element_time_step_s: Vec<f64>,
     /// Mass that scaling added, t.
     added_t: f64,
     scaled_to_s: Option<f64>,
@@ -75,32 +77,34 @@ impl Body {
         for (i, &n) in node_of.iter().enumerate() {
             new[n as usize] = i as u32;
         }
-        let rest: Vec<Node> = node_of.iter().map(|&n| mesh.nodes[n as usize].coords.into()).collect();
+        let reference: Vec<Node> = node_of.iter().map(|&n| mesh.nodes[n as usize].coords.into()).collect();
         let tets: Vec<[u32; 4]> =
             element_of.iter().map(|&t| mesh.tets[t as usize].map(|n| new[n as usize])).collect();
-        let limits: Vec<f64> =
-            tets.par_iter().map(|t| limit::element_s(material, &corners(&rest, t))).collect();
+        let limits: Vec<f64> = tets
+            .par_iter()
+            .map(|t| element::critical_time_step_s(material, &corners(&reference, t)))
+            .collect();
         let chunks: Vec<Chunk> = tets
             .par_chunks(CHUNK)
             .enumerate()
-            .map(|(i, tets)| chunk(material, &rest, tets, &limits[i * CHUNK..], i * CHUNK))
+            .map(|(i, tets)| chunk(material, &reference, tets, &limits[i * CHUNK..], i * CHUNK))
             .collect();
         let stride = chunks.iter().map(|c| c.nodes.len()).max().unwrap_or(0);
-        let mut places: Vec<Vec<u32>> = vec![Vec::new(); rest.len()];
+        let mut slots_of: Vec<Vec<u32>> = vec![Vec::new(); reference.len()];
         for (i, chunk) in chunks.iter().enumerate() {
             for (k, &n) in chunk.nodes.iter().enumerate() {
-                places[n as usize].push((i * stride + k) as u32);
+                slots_of[n as usize].push((i * stride + k) as u32);
             }
         }
         let mut slot_starts = vec![0];
         let mut slots = Vec::new();
-        for list in places {
+        for list in slots_of {
             slots.extend(list);
             slot_starts.push(slots.len() as u32);
         }
-        let mut volume = vec![0.0; rest.len()];
+        let mut volume = vec![0.0; reference.len()];
         for t in &tets {
-            let quarter = 0.25 * tet_volume(&corners(&rest, t));
+            let quarter = 0.25 * element::tet_volume(&corners(&reference, t));
             t.iter().for_each(|&n| volume[n as usize] += quarter);
         }
         let mass = volume.iter().map(|v| material.density_t_mm3 * v).collect();
@@ -110,12 +114,12 @@ impl Body {
             stride,
             slot_starts,
             slots,
-            rest,
+            reference,
             mass,
             volume,
             node_of,
             element_of,
-            element_limit_s: limits,
+            element_time_step_s: limits,
             added_t: 0.0,
             scaled_to_s: None,
         }
@@ -135,13 +139,13 @@ impl Body {
     pub fn bytes(&self) -> usize {
         let chunks =
             self.chunks.iter().map(|c| 4 * c.nodes.len() + size_of_val(c.batches.as_slice())).sum::<usize>();
-        // Of a node: place, mass, volume, number, start of its places; of an element: number, stable step.
+        // Of a node: position, mass, volume, number, start of its slots; of an element: number, stable step.
         chunks + 4 * self.slots.len() + 48 * self.nodes() + 12 * self.elements()
     }
 
     /// How many nodes.
     pub fn nodes(&self) -> usize {
-        self.rest.len()
+        self.reference.len()
     }
 
     /// The mesh's number of a node of the computation.
@@ -164,9 +168,9 @@ impl Body {
         self.added_t / (self.mass_t() - self.added_t)
     }
 
-    /// The least stable step of any element by itself, s: a lower bound of the body's.
-    pub fn least_element_limit_s(&self) -> f64 {
-        self.element_limit_s.iter().copied().fold(f64::INFINITY, f64::min)
+    /// The least critical time step of any element by itself, s: a lower bound of the body's.
+    pub fn least_element_time_step_s(&self) -> f64 {
+        self.element_time_step_s.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
     /// The stable step, s, up to which elements of a smaller one were given mass; none where no mass was added.
@@ -189,10 +193,10 @@ impl Body {
         };
         // A step of `dt` asks of an element for (dt / its own)² of its mass.
         let extra =
-            |e: usize, dt: f64| element_t[e] * ((dt / self.element_limit_s[e]).powi(2) - 1.0).max(0.0);
+            |e: usize, dt: f64| element_t[e] * ((dt / self.element_time_step_s[e]).powi(2) - 1.0).max(0.0);
         let added = |dt: f64| (0..element_t.len()).map(|e| extra(e, dt)).sum::<f64>();
-        let mut low = self.least_element_limit_s();
-        let mut high = self.element_limit_s.iter().copied().fold(0.0, f64::max);
+        let mut low = self.least_element_time_step_s();
+        let mut high = self.element_time_step_s.iter().copied().fold(0.0, f64::max);
         for _ in 0..40 {
             let middle = 0.5 * (low + high);
             if added(middle) > most * total {
@@ -214,13 +218,13 @@ impl Body {
         }
     }
 
-    /// The elastic forces on the nodes at these places, N.
-    pub(super) fn elastic_forces(&self, places: &[Node], slots: &mut [Node], out: &mut [Node]) {
+    /// The elastic forces on the nodes at these positions, N.
+    pub(super) fn elastic_forces(&self, positions: &[Node], slots: &mut [Node], out: &mut [Node]) {
         let moduli = Moduli::from(&self.material);
         self.chunks.par_iter().zip(slots.par_chunks_mut(self.stride)).for_each_init(
             Vec::new,
             |local, (chunk, slots)| {
-                chunk.fetch(places, local);
+                chunk.fetch(positions, local);
                 slots[..chunk.nodes.len()].fill([0.0; 3]);
                 let mut unused: Lane = [0.0; W];
                 for batch in &chunk.batches {
@@ -231,21 +235,21 @@ impl Body {
         out.par_iter_mut().enumerate().with_min_len(1024).for_each(|(n, f)| *f = self.gathered(n, slots));
     }
 
-    /// The energy stored at these places where the material is elastic, N·mm.
-    pub(super) fn elastic_energy(&self, places: &[Node]) -> f64 {
+    /// The energy stored at these positions where the material is elastic, N·mm.
+    pub(super) fn elastic_energy(&self, positions: &[Node]) -> f64 {
         let moduli = Moduli::from(&self.material);
         let parts: Vec<f64> = self
             .chunks
             .par_iter()
             .map_init(Vec::new, |local, chunk| {
-                chunk.fetch(places, local);
+                chunk.fetch(positions, local);
                 chunk.batches.iter().map(|b| elastic::energy(&moduli, b, local)).sum()
             })
             .collect();
         parts.iter().sum()
     }
 
-    /// The sum of what the chunks say of a node, in the chunks' order.
+    /// The sum of a node's slots, in the chunks' order.
     #[inline]
     pub(super) fn gathered(&self, node: usize, slots: &[Node]) -> Node {
         let mut sum = [0.0; 3];
@@ -257,7 +261,7 @@ impl Body {
         sum
     }
 
-    /// Places for nodal figures of all chunks.
+    /// Slots for nodal figures of all chunks.
     pub(super) fn all_slots<T: Clone>(&self, empty: T) -> Vec<T> {
         vec![empty; self.stride * self.chunks.len()]
     }
@@ -276,31 +280,9 @@ fn corners(nodes: &[Node], tet: &[u32; 4]) -> [Node; 4] {
     tet.map(|n| nodes[n as usize])
 }
 
-fn edge_matrix(p: &[Node; 4]) -> [f64; 9] {
-    let mut out = [0.0; 9];
-    for k in 0..3 {
-        for i in 0..3 {
-            out[3 * i + k] = p[k + 1][i] - p[0][i];
-        }
-    }
-    out
-}
-
-/// Volume of a tetrahedron.
-pub(super) fn tet_volume(p: &[Node; 4]) -> f64 {
-    cofactors(&edge_matrix(p)).1 / 6.0
-}
-
-/// Gradients of the shape functions of nodes 1, 2, 3 (rows): the inverse of the edges' matrix.
-pub(super) fn shape_gradients(p: &[Node; 4]) -> [f64; 9] {
-    let (c, d) = cofactors(&edge_matrix(p));
-    // The inverse is the transposed cofactors over the determinant.
-    [c[0] / d, c[3] / d, c[6] / d, c[1] / d, c[4] / d, c[7] / d, c[2] / d, c[5] / d, c[8] / d]
-}
-
-fn chunk(material: &Material, rest: &[Node], tets: &[[u32; 4]], limits: &[f64], first: usize) -> Chunk {
+fn chunk(material: &Material, reference: &[Node], tets: &[[u32; 4]], limits: &[f64], first: usize) -> Chunk {
     let mut nodes: Vec<u32> = Vec::new();
-    let mut place: HashMap<u32, u16> = HashMap::new();
+    let mut local: HashMap<u32, u16> = HashMap::new();
     let c = material.pressure_wave_mm_s();
     let batches = tets
         .chunks(W)
@@ -309,20 +291,20 @@ fn chunk(material: &Material, rest: &[Node], tets: &[[u32; 4]], limits: &[f64], 
             let mut batch =
                 Batch { gradients: [[0.0; W]; 9], volume: [0.0; W], viscosity: [0.0; W], nodes: [[0; W]; 4] };
             for l in 0..W {
-                // An empty place repeats the group's last element without its volume.
+                // An empty lane repeats the group's last element without its volume.
                 let at = l.min(group.len() - 1);
-                let p = corners(rest, &group[at]);
-                super::lanes::put(&mut batch.gradients, l, &shape_gradients(&p));
+                let p = corners(reference, &group[at]);
+                super::lanes::put(&mut batch.gradients, l, &element::shape_gradients(&p));
                 for k in 0..4 {
                     let next = nodes.len() as u16;
                     let n = group[at][k];
-                    batch.nodes[k][l] = *place.entry(n).or_insert_with(|| {
+                    batch.nodes[k][l] = *local.entry(n).or_insert_with(|| {
                         nodes.push(n);
                         next
                     });
                 }
                 if l == at {
-                    batch.volume[l] = tet_volume(&p);
+                    batch.volume[l] = element::tet_volume(&p);
                     // The length that a pressure wave crosses in the element's own stable step.
                     let h = c * limits[b * W + l];
                     batch.viscosity[l] = BULK_VISCOSITY * material.density_t_mm3 * c * h;

@@ -1,4 +1,4 @@
-//! Central differences: a body between plates, step by step.
+//! Explicit dynamics: central differences for a body between plates.
 //!
 //! ```text
 //!   x(n)  ──forces f(n)──▶  v(n+½) = v(n−½) + Δt (f(n)/m − α (v(n−½) − r)), plates hold  ──▶  x(n+1) = x(n) + Δt v(n+½)
@@ -6,15 +6,16 @@
 //!
 //! r is the body's motion as a whole, nearly: damping takes its ringing, and hardly holds it back when it turns between plates.
 //!
-//! Forces of a chunk of elements go to places of its own, and each node adds what its chunks say in a fixed order; sums over
+//! Forces of a chunk of elements go to slots of its own, and each node adds its chunks' slots in a fixed order; sums over
 //! nodes are made over blocks of a fixed size. So the same bits come out on any number of threads.
 
+use super::body::{BLOCK, BULK_VISCOSITY};
 use super::elastic::{self, Moduli};
 use super::lanes::{Lane, Node, W};
-use super::plastic::{self, Law, Memory, Since};
+use super::plastic::{self, HalfStep, HistoryVariables, Law};
 use super::plates::{Closing, Plates, Reaction};
 use super::rigid::Rigid;
-use super::{Body, ContactError, Fields};
+use super::{Body, ContactError, time_step};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -23,10 +24,12 @@ use serde::{Deserialize, Serialize};
 /// between the plates, as there is no weight that keeps it down. With this share rattling ends in some hundred crossings of the
 /// grain by shear waves, and the drag is some thousandths of the force.
 const WHOLE: f64 = 0.05;
-/// Nodes of a block.
-pub(super) const BLOCK: usize = 1024;
 
-/// The energies, N·mm. What the plates put in is `external`; the rest is where it went.
+/// The energy balance, N·mm. What the plates put in is `external`; the rest is where it went:
+///
+/// ```text
+/// W_ext = E_kin + E_stored + E_plastic + E_viscous + E_damping + E_friction + E_impact
+/// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Energy {
     /// Work of the plates.
@@ -59,7 +62,7 @@ impl Energy {
         self.external - self.kinetic - self.viscous - self.damping - self.friction - self.impact
     }
 
-    /// What went somewhere that is not accounted for, over the largest of what did: the plates' work, or the motion.
+    /// The error of the balance, left side less right side, over the largest of `|W_ext|`, `E_kin` and `E_stored + E_plastic`.
     pub fn balance_error(&self) -> f64 {
         let accounted =
             self.kinetic + self.internal() + self.viscous + self.damping + self.friction + self.impact;
@@ -79,26 +82,26 @@ pub struct Motion {
     pub spin_n_mm_s: [f64; 3],
 }
 
-/// What the chunks remember from step to step.
+/// History of a chunk: what its elements carry from step to step.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct ChunkState {
     /// Volume ratios at the last step.
     pub volume_ratio: Vec<Lane>,
-    /// Nothing for an elastic material.
-    pub memory: Vec<Memory>,
+    /// History variables of each batch; none for an elastic material.
+    pub history: Vec<HistoryVariables>,
 }
 
-/// What a chunk says of a step.
+/// The output of a chunk of elements for one step: energies that it took, N·mm, and its first broken element.
 #[derive(Debug, Clone, Copy, Default)]
-struct Told {
+struct ChunkOutput {
     viscous: f64,
     plastic: f64,
     broken: Option<(usize, &'static str)>,
 }
 
-/// What a block of nodes says of a step.
+/// The output of a block of nodes for one step: the plates' impulses, kinetic energy and damping, N·mm.
 #[derive(Debug, Clone, Copy, Default)]
-struct Moved {
+struct BlockOutput {
     reaction: Reaction,
     kinetic: f64,
     damping: f64,
@@ -113,7 +116,7 @@ pub struct Dynamics {
     pub steps: u64,
     /// The time, s.
     pub time_s: f64,
-    pub(super) places: Vec<Node>,
+    pub(super) positions: Vec<Node>,
     pub(super) velocities: Vec<Node>,
     pub(super) chunks: Vec<ChunkState>,
     /// The step that led here, s; infinite before the first.
@@ -124,8 +127,8 @@ pub struct Dynamics {
     slots: Vec<Node>,
     volumes: Vec<f64>,
     pub(super) pressures: Vec<f64>,
-    told: Vec<Told>,
-    moved: Vec<Moved>,
+    chunk_outputs: Vec<ChunkOutput>,
+    block_outputs: Vec<BlockOutput>,
 }
 
 impl Dynamics {
@@ -135,14 +138,18 @@ impl Dynamics {
         let chunks = (body.chunks.iter())
             .map(|c| ChunkState {
                 volume_ratio: vec![[1.0; W]; c.batches.len()],
-                memory: if plastic { vec![Memory::default(); c.batches.len()] } else { Vec::new() },
+                history: if plastic {
+                    vec![HistoryVariables::default(); c.batches.len()]
+                } else {
+                    Vec::new()
+                },
             })
             .collect();
         Self {
             damping_per_s: 0.0,
             steps: 0,
             time_s: 0.0,
-            places: body.rest.clone(),
+            positions: body.reference.clone(),
             velocities: vec![[0.0; 3]; body.nodes()],
             chunks,
             last_step_s: f64::INFINITY,
@@ -151,14 +158,14 @@ impl Dynamics {
             slots: body.all_slots([0.0; 3]),
             volumes: if plastic { body.all_slots(0.0) } else { Vec::new() },
             pressures: if plastic { vec![0.0; body.nodes()] } else { Vec::new() },
-            told: vec![Told::default(); body.chunks.len()],
-            moved: vec![Moved::default(); body.nodes().div_ceil(BLOCK)],
+            chunk_outputs: vec![ChunkOutput::default(); body.chunks.len()],
+            block_outputs: vec![BlockOutput::default(); body.nodes().div_ceil(BLOCK)],
         }
     }
 
-    /// Nodes' places in the order of computation, mm.
-    pub fn places(&self) -> &[[f64; 3]] {
-        &self.places
+    /// Current configuration: the nodes' positions in the order of computation, mm.
+    pub fn positions(&self) -> &[[f64; 3]] {
+        &self.positions
     }
 
     /// Nodes' velocities in the order of computation, mm/s.
@@ -172,18 +179,18 @@ impl Dynamics {
     }
 
     /// Puts the nodes somewhere, with velocities, as a test or an impact begins.
-    pub fn set(&mut self, places: Vec<[f64; 3]>, velocities: Vec<[f64; 3]>) {
-        assert!(places.len() == self.places.len() && velocities.len() == places.len());
-        self.places = places;
+    pub fn set(&mut self, positions: Vec<[f64; 3]>, velocities: Vec<[f64; 3]>) {
+        assert!(positions.len() == self.positions.len() && velocities.len() == positions.len());
+        self.positions = positions;
         self.velocities = velocities;
     }
 
-    /// The largest step that this body bears as it is deformed now, s. Costs as much as
-    /// about fifty steps.
+    /// The stable time increment of the body as it is deformed now, s: `Δt = (√(1 + b²) − b) 2/ω` for the highest mode ω, which
+    /// bulk viscosity damps by the share b of its critical damping. Costs as much as about fifty steps.
     pub fn stable_step_s(&self, body: &Body) -> f64 {
         // Viscosity of the share b of critical damping in the highest mode asks for √(1+b²) − b of the step.
-        let b = super::body::BULK_VISCOSITY;
-        ((1.0 + b * b).sqrt() - b) * super::limit::body_s(body, &self.places)
+        let b = BULK_VISCOSITY;
+        ((1.0 + b * b).sqrt() - b) * time_step::critical_time_step_s(body, &self.positions)
     }
 
     /// One step. The plates move with these speeds (lower, upper; up is positive, mm/s).
@@ -203,13 +210,13 @@ impl Dynamics {
         }
         let mut viscous = 0.0;
         let mut plastic = 0.0;
-        for told in &self.told {
-            if let Some((element, what)) = told.broken {
+        for output in &self.chunk_outputs {
+            if let Some((element, what)) = output.broken {
                 let element = body.mesh_element(element);
                 return Err(ContactError::Broken { element, what, time_s: self.time_s, step: self.steps });
             }
-            viscous += told.viscous;
-            plastic += told.plastic;
+            viscous += output.viscous;
+            plastic += output.plastic;
         }
         plates.lower_mm += step_s * speed_mm_s[0];
         plates.upper_mm += step_s * speed_mm_s[1];
@@ -223,10 +230,10 @@ impl Dynamics {
         self.advance(body, &closing);
         let mut reaction = Reaction::default();
         let (mut kinetic, mut damping) = (0.0, 0.0);
-        for moved in &self.moved {
-            reaction.add(&moved.reaction);
-            kinetic += moved.kinetic;
-            damping += moved.damping;
+        for output in &self.block_outputs {
+            reaction.add(&output.reaction);
+            kinetic += output.kinetic;
+            damping += output.damping;
         }
         let spent = &mut self.spent;
         spent.external += reaction.lower_n_s[2] * speed_mm_s[0] + reaction.upper_n_s[2] * speed_mm_s[1];
@@ -244,68 +251,68 @@ impl Dynamics {
 
     fn elastic_forces(&mut self, body: &Body) {
         let moduli = Moduli::from(&body.material);
-        let (places, step_s) = (&self.places, self.last_step_s);
+        let (positions, step_s) = (&self.positions, self.last_step_s);
         (body.chunks.par_iter())
             .zip(self.chunks.par_iter_mut())
             .zip(self.slots.par_chunks_mut(body.stride))
-            .zip(self.told.par_iter_mut())
-            .for_each_init(Vec::new, |local, (((chunk, state), slots), told)| {
-                chunk.fetch(places, local);
+            .zip(self.chunk_outputs.par_iter_mut())
+            .for_each_init(Vec::new, |local, (((chunk, state), slots), output)| {
+                chunk.fetch(positions, local);
                 slots[..chunk.nodes.len()].fill([0.0; 3]);
-                *told = Told::default();
+                *output = ChunkOutput::default();
                 for (b, batch) in chunk.batches.iter().enumerate() {
                     let before = &mut state.volume_ratio[b];
-                    let said = elastic::forces::<true>(&moduli, batch, local, before, step_s, slots);
-                    told.viscous += said.viscous_n_mm;
-                    told.look(&said.volume_ratio, chunk.first + b * W);
+                    let batch_output = elastic::forces::<true>(&moduli, batch, local, before, step_s, slots);
+                    output.viscous += batch_output.viscous_n_mm;
+                    output.check_volumes(&batch_output.volume_ratio, chunk.first + b * W);
                 }
             });
     }
 
     fn plastic_forces(&mut self, body: &Body, law: &Law) {
-        let (places, velocities, step_s) = (&self.places, &self.velocities, self.last_step_s);
+        let (positions, velocities, step_s) = (&self.positions, &self.velocities, self.last_step_s);
         // Before the first step nothing has moved yet.
         let back_s = if step_s.is_finite() { 0.5 * step_s } else { 0.0 };
         (body.chunks.par_iter()).zip(self.volumes.par_chunks_mut(body.stride)).for_each_init(
             Vec::new,
             |local, (chunk, volumes)| {
-                chunk.fetch(places, local);
+                chunk.fetch(positions, local);
                 volumes[..chunk.nodes.len()].fill(0.0);
                 chunk.batches.iter().for_each(|batch| plastic::volumes(batch, local, volumes));
             },
         );
         let volumes = &self.volumes;
         self.pressures.par_iter_mut().enumerate().with_min_len(BLOCK).for_each(|(n, pressure)| {
-            let places = &body.slots[body.slot_starts[n] as usize..body.slot_starts[n + 1] as usize];
-            let ratio = places.iter().map(|&s| volumes[s as usize]).sum::<f64>() / body.volume[n];
+            let slots = &body.slots[body.slot_starts[n] as usize..body.slot_starts[n + 1] as usize];
+            let ratio = slots.iter().map(|&s| volumes[s as usize]).sum::<f64>() / body.volume[n];
             *pressure = law.bulk * ratio.ln() / ratio;
         });
         let pressures = &self.pressures;
         (body.chunks.par_iter())
             .zip(self.chunks.par_iter_mut())
             .zip(self.slots.par_chunks_mut(body.stride))
-            .zip(self.told.par_iter_mut())
+            .zip(self.chunk_outputs.par_iter_mut())
             .for_each_init(
                 || (Vec::new(), Vec::new(), Vec::new()),
-                |(local, middle, pressure), (((chunk, state), slots), told)| {
-                    chunk.fetch(places, local);
-                    middle.clear();
-                    middle.extend(chunk.nodes.iter().map(|&n| {
-                        let (x, v) = (places[n as usize], velocities[n as usize]);
+                |(local, half_positions, pressure), (((chunk, state), slots), output)| {
+                    chunk.fetch(positions, local);
+                    half_positions.clear();
+                    half_positions.extend(chunk.nodes.iter().map(|&n| {
+                        let (x, v) = (positions[n as usize], velocities[n as usize]);
                         [0, 1, 2].map(|k| x[k] - back_s * v[k])
                     }));
                     pressure.clear();
                     pressure.extend(chunk.nodes.iter().map(|&n| pressures[n as usize]));
                     slots[..chunk.nodes.len()].fill([0.0; 3]);
-                    *told = Told::default();
-                    let since = Since { middle, step_s };
+                    *output = ChunkOutput::default();
+                    let half_step = HalfStep { positions: half_positions, step_s };
                     for (b, batch) in chunk.batches.iter().enumerate() {
-                        let (before, memory) = (&mut state.volume_ratio[b], &mut state.memory[b]);
-                        let (said, flowed) =
-                            plastic::forces(law, batch, local, &since, pressure, before, memory, slots);
-                        told.viscous += said.viscous_n_mm;
-                        told.plastic += flowed;
-                        told.look(&said.volume_ratio, chunk.first + b * W);
+                        let (before, history) = (&mut state.volume_ratio[b], &mut state.history[b]);
+                        let (batch_output, flowed) =
+                            plastic::forces(law, batch, local, &half_step, pressure, before, history, slots);
+                        output.viscous += batch_output.viscous_n_mm;
+                        output.plastic += flowed;
+                        output.check_volumes(&batch_output.volume_ratio, chunk.first + b * W);
                     }
                 },
             );
@@ -313,29 +320,29 @@ impl Dynamics {
 
     fn advance(&mut self, body: &Body, closing: &Closing) {
         let (slots, alpha, dt) = (&self.slots, self.damping_per_s, closing.step_s);
-        let whole = (alpha > 0.0).then(|| Rigid::of(&body.mass, &self.places, &self.velocities));
-        (self.places.par_chunks_mut(BLOCK))
+        let whole = (alpha > 0.0).then(|| Rigid::of(&body.mass, &self.positions, &self.velocities));
+        (self.positions.par_chunks_mut(BLOCK))
             .zip(self.velocities.par_chunks_mut(BLOCK))
             .zip(self.forces.par_chunks_mut(BLOCK))
-            .zip(self.moved.par_iter_mut())
+            .zip(self.block_outputs.par_iter_mut())
             .enumerate()
-            .for_each(|(block, (((places, velocities), forces), moved))| {
-                *moved = Moved::default();
-                for i in 0..places.len() {
+            .for_each(|(block, (((positions, velocities), forces), output))| {
+                *output = BlockOutput::default();
+                for i in 0..positions.len() {
                     let n = block * BLOCK + i;
                     let f = body.gathered(n, slots);
                     let mass = body.mass[n];
                     let before = velocities[i];
                     let damped = whole.map_or([0.0; 3], |w| {
-                        let along = w.at(&places[i]);
+                        let along = w.at(&positions[i]);
                         [0, 1, 2].map(|k| alpha * dt * (before[k] - (1.0 - WHOLE) * along[k]))
                     });
                     let mut v = [0, 1, 2].map(|k| before[k] - damped[k] + dt / mass * f[k]);
-                    closing.hold(&places[i], &before, mass, &mut v, &mut moved.reaction);
+                    closing.hold(&positions[i], &before, mass, &mut v, &mut output.reaction);
                     for k in 0..3 {
-                        places[i][k] += dt * v[k];
-                        moved.kinetic += 0.5 * mass * v[k] * v[k];
-                        moved.damping += 0.5 * mass * damped[k] * (before[k] + v[k]);
+                        positions[i][k] += dt * v[k];
+                        output.kinetic += 0.5 * mass * v[k] * v[k];
+                        output.damping += 0.5 * mass * damped[k] * (before[k] + v[k]);
                     }
                     velocities[i] = v;
                     forces[i] = f;
@@ -346,21 +353,21 @@ impl Dynamics {
     /// The energies now. Costs about as much as a step.
     pub fn energy(&self, body: &Body) -> Energy {
         let stored = match Law::of(&body.material) {
-            None => body.elastic_energy(&self.places),
+            None => body.elastic_energy(&self.positions),
             Some(law) => {
                 let deviatoric: Vec<f64> = (body.chunks.par_iter())
                     .zip(&self.chunks)
                     .map(|(chunk, state)| {
-                        (chunk.batches.iter().zip(&state.memory).zip(&state.volume_ratio))
+                        (chunk.batches.iter().zip(&state.history).zip(&state.volume_ratio))
                             .map(|((b, m), j)| plastic::energy(&law, b, m, j))
                             .sum()
                     })
                     .collect();
                 let spherical: f64 = (0..body.nodes())
                     .map(|n| {
-                        let places =
+                        let slots =
                             &body.slots[body.slot_starts[n] as usize..body.slot_starts[n + 1] as usize];
-                        let volume: f64 = places.iter().map(|&s| self.volumes[s as usize]).sum();
+                        let volume: f64 = slots.iter().map(|&s| self.volumes[s as usize]).sum();
                         let ratio = if self.steps == 0 { 1.0 } else { volume / body.volume[n] };
                         0.5 * law.bulk * body.volume[n] * ratio.ln().powi(2)
                     })
@@ -373,22 +380,17 @@ impl Dynamics {
 
     /// Memory that the state takes, bytes.
     pub fn bytes(&self) -> usize {
-        let of = |c: &ChunkState| size_of_val(c.volume_ratio.as_slice()) + size_of_val(c.memory.as_slice());
+        let of = |c: &ChunkState| size_of_val(c.volume_ratio.as_slice()) + size_of_val(c.history.as_slice());
         let chunks = self.chunks.iter().map(of).sum::<usize>();
-        // Of a node: place, velocity, force, pressure.
-        chunks + 24 * self.slots.len() + 8 * self.volumes.len() + 80 * self.places.len()
-    }
-
-    /// Stresses and plastic strains of the elements now.
-    pub fn fields(&self, body: &Body) -> Fields {
-        super::fields::fields(body, self)
+        // Of a node: position, velocity, force, pressure.
+        chunks + 24 * self.slots.len() + 8 * self.volumes.len() + 80 * self.positions.len()
     }
 
     /// How the grain moves as a whole now.
     pub fn motion(&self, body: &Body) -> Motion {
         let mut motion = Motion { center_mm: [0.0; 3], momentum_n_s: [0.0; 3], spin_n_mm_s: [0.0; 3] };
         let mut total = 0.0;
-        for ((x, v), m) in self.places.iter().zip(&self.velocities).zip(&body.mass) {
+        for ((x, v), m) in self.positions.iter().zip(&self.velocities).zip(&body.mass) {
             total += m;
             for k in 0..3 {
                 motion.center_mm[k] += m * x[k];
@@ -402,10 +404,10 @@ impl Dynamics {
     }
 }
 
-impl Told {
+impl ChunkOutput {
     /// Notes the first element whose volume is not positive.
     #[inline]
-    fn look(&mut self, volume_ratio: &Lane, first: usize) {
+    fn check_volumes(&mut self, volume_ratio: &Lane, first: usize) {
         if volume_ratio.iter().all(|j| *j > 0.0 && *j < f64::INFINITY) || self.broken.is_some() {
             return;
         }

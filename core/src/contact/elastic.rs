@@ -1,7 +1,15 @@
-//! The elastic element: Hooke's law where strains are small, a compressible neo-Hookean solid where they are not.
+//! The elastic element: a compressible neo-Hookean solid, Hooke's law where strains are small.
 //!
-//! The energy per volume is `μ/2 (tr FᵀF − 3) − μ ln J + λ/2 (ln J)²` (Simo and Pister, Comput. Meth. Appl. Mech. Engng 46, 201,
-//! 1984), the stress (first Piola–Kirchhoff) `P = μ (F − F⁻ᵀ) + λ ln J F⁻ᵀ`. Being total it neither drifts nor remembers a path;
+//! ```text
+//! ψ = μ/2 (tr FᵀF − 3) − μ ln J + λ/2 (ln J)²,   J = det F
+//! P = ∂ψ/∂F = μ (F − F⁻ᵀ) + λ ln J F⁻ᵀ          first Piola–Kirchhoff
+//! σ = P Fᵀ/J = (μ (F Fᵀ − 1) + λ ln J 1)/J      Cauchy
+//! q = b ρ c h (J − J₀)/(Δt J)                   bulk viscosity, added to σ as q 1; J₀: one step ago
+//! f_a = −V P ∇N_a                               force on node a
+//! ```
+//!
+//! (Simo and Pister, Comput. Meth. Appl. Mech. Engng 46, 201, 1984; b, the share of critical damping, and h = c Δt of the element
+//! as in Abaqus/Explicit and LS-DYNA, linear term only.) Being total the law neither drifts nor remembers a path;
 //! a rotation leaves it without stress, whatever its size; no volume can be pressed to nothing. Unlike the law of St. Venant
 //! and Kirchhoff it does not soften in compression, which matters under a contact, where the strain reaches a fifth: in one
 //! direction it answers between a nominal stress in proportion to the stretch and Hencky's law.
@@ -24,9 +32,9 @@ impl From<&Material> for Moduli {
     }
 }
 
-/// What a batch says beside its forces.
+/// The output of a batch of elements beside its forces.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Said {
+pub(super) struct BatchOutput {
     /// Volume over that in the mesh.
     pub volume_ratio: Lane,
     /// What bulk viscosity took, N·mm.
@@ -52,12 +60,12 @@ fn all_cofactors(f: &Matrices) -> (Matrices, Lane) {
 pub(super) fn forces<const VISCOUS: bool>(
     moduli: &Moduli,
     batch: &Batch,
-    places: &[Node],
+    positions: &[Node],
     before: &mut Lane,
     step_s: f64,
     out: &mut [Node],
-) -> Said {
-    let f = gradients(batch, &edges(batch, places));
+) -> BatchOutput {
+    let f = gradients(batch, &edges(batch, positions));
     let (cofactor, determinant) = all_cofactors(&f);
     let log = determinant.map(f64::ln);
     let mut stress = [[0.0; W]; 9];
@@ -76,12 +84,12 @@ pub(super) fn forces<const VISCOUS: bool>(
         }
     }
     scatter(batch, &stress, out);
-    Said { volume_ratio: determinant, viscous_n_mm: if VISCOUS { sum(&viscous) } else { 0.0 } }
+    BatchOutput { volume_ratio: determinant, viscous_n_mm: if VISCOUS { sum(&viscous) } else { 0.0 } }
 }
 
 /// The energy stored in a batch, N·mm.
-pub(super) fn energy(moduli: &Moduli, batch: &Batch, places: &[Node]) -> f64 {
-    let f = gradients(batch, &edges(batch, places));
+pub(super) fn energy(moduli: &Moduli, batch: &Batch, positions: &[Node]) -> f64 {
+    let f = gradients(batch, &edges(batch, positions));
     let (_, determinant) = all_cofactors(&f);
     (0..W)
         .map(|l| {

@@ -1,4 +1,4 @@
-//! What can go wrong between the plates.
+//! Errors of a compression.
 
 use crate::mesh::TetFault;
 

@@ -1,4 +1,4 @@
-//! Stresses and strains of the elements, for pictures and files.
+//! Element fields: Cauchy stress (MPa), von Mises' and principal stress, equivalent plastic strain.
 
 use super::elastic::{self, Moduli};
 use super::lanes::{W, edges, gradients, pick, rotations, times, times_transposed};
@@ -12,7 +12,7 @@ use rayon::prelude::*;
 pub struct Fields {
     /// Cauchy's stress: xx, yy, zz, yz, xz, xy, MPa; tension is positive.
     pub stress_mpa: Vec<[f64; 6]>,
-    /// Equivalent plastic strain; nought where the material is elastic.
+    /// Equivalent plastic strain; zero where the material is elastic.
     pub plastic_strain: Vec<f64>,
 }
 
@@ -39,14 +39,20 @@ fn mises(s: &[f64; 6]) -> f64 {
     (1.5 * (a * a + b * b + c * c) + 3.0 * (s[3] * s[3] + s[4] * s[4] + s[5] * s[5])).sqrt()
 }
 
-/// The stresses and strains now.
-pub(super) fn fields(body: &Body, dynamics: &Dynamics) -> Fields {
+impl Dynamics {
+    /// Stresses and plastic strains of the elements now.
+    pub fn fields(&self, body: &Body) -> Fields {
+        fields(body, self)
+    }
+}
+
+fn fields(body: &Body, dynamics: &Dynamics) -> Fields {
     let moduli = Moduli::from(&body.material);
     let law = Law::of(&body.material);
     let parts: Vec<Vec<([f64; 6], f64)>> = (body.chunks.par_iter())
         .zip(&dynamics.chunks)
         .map_init(Vec::new, |local, (chunk, state)| {
-            chunk.fetch(&dynamics.places, local);
+            chunk.fetch(&dynamics.positions, local);
             let mut out = Vec::with_capacity(chunk.count);
             for (b, batch) in chunk.batches.iter().enumerate() {
                 let f = gradients(batch, &edges(batch, local));
@@ -55,9 +61,9 @@ pub(super) fn fields(body: &Body, dynamics: &Dynamics) -> Fields {
                     let (fm, rm) = (pick(&f, l), pick(&r, l));
                     let mut strain = 0.0;
                     let s = if law.is_some() {
-                        let memory = &state.memory[b];
-                        strain = memory.strain[l];
-                        let s = memory.deviator.map(|s| s[l]);
+                        let history = &state.history[b];
+                        strain = history.strain[l];
+                        let s = history.deviator.map(|s| s[l]);
                         let own = [s[0], s[5], s[4], s[5], s[1], s[3], s[4], s[3], s[2]];
                         let mut turned = times_transposed(&times(&rm, &own), &rm);
                         let node = |k: usize| chunk.nodes[batch.nodes[k][l] as usize] as usize;

@@ -1,4 +1,10 @@
-//! Closed forms for a sphere between plates, to hold results against.
+//! Hertz' contact of a sphere with rigid plates, with the correction for two plates, and its first yield.
+//!
+//! ```text
+//! F = 4/3 E* √R δ^(3/2),   a³ = 3FR/(4E*),   E* = E/(1 − ν²)                 Hertz
+//! δ = 3F/(4E*a) − (1 + ν)(3 − 2ν)F/(4πER)                                    two plates (Tatara 1991)
+//! p₀ = (6FE*²/(π³R²))^(1/3) = 1.6 Y   at   F_y = π³R²(1.6Y)³/(6E*²)          first yield (Johnson, §6.1)
+//! ```
 //!
 //! δ is always the approach of one plate to the sphere's mid-plane; the plates approach each other by 2δ.
 

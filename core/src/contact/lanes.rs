@@ -1,4 +1,4 @@
-//! Eight elements at a time: the same figure of eight elements lies side by side, so that the compiler works on
+//! SIMD batches of eight elements: the same figure of eight elements lies side by side, so that the compiler works on
 //! several in one instruction. What is computed for an element depends on nothing beside it in its batch.
 
 /// Elements of a batch.
@@ -12,7 +12,7 @@ pub(super) type Matrices = [Lane; 9];
 /// Three figures of a node.
 pub(super) type Node = [f64; 3];
 
-/// Eight elements as they were meshed. A place that no element fills has the volume nought and another's shape.
+/// Eight elements as they were meshed. A lane that no element fills has the volume zero and another's shape.
 #[derive(Debug, Clone)]
 pub(super) struct Batch {
     /// Gradients of the shape functions of nodes 1, 2, 3, each (x, y, z); that of node 0 is minus their sum, 1/mm.
@@ -21,7 +21,7 @@ pub(super) struct Batch {
     pub volume: Lane,
     /// Bulk viscosity b ρ c h of each element, MPa·s.
     pub viscosity: Lane,
-    /// Places of the nodes in their chunk's list.
+    /// Indices of the nodes in their chunk's list.
     pub nodes: [[u16; W]; 4],
 }
 
@@ -36,7 +36,7 @@ pub(super) fn pick(m: &Matrices, l: usize) -> Matrix {
     [m[0][l], m[1][l], m[2][l], m[3][l], m[4][l], m[5][l], m[6][l], m[7][l], m[8][l]]
 }
 
-/// Puts the matrix of one element in its place.
+/// Puts the matrix of one element into its lane.
 #[inline(always)]
 pub(super) fn put(m: &mut Matrices, l: usize, value: &Matrix) {
     for k in 0..9 {
@@ -85,14 +85,14 @@ pub(super) fn times_transposed(a: &Matrix, b: &Matrix) -> Matrix {
     times(a, &[b[0], b[3], b[6], b[1], b[4], b[7], b[2], b[5], b[8]])
 }
 
-/// The edges from node 0 of each element, as columns of a matrix: place (i, k) is the component i of edge k.
+/// The edges from node 0 of each element, as columns of a matrix: entry (i, k) is the component i of edge k.
 #[inline(always)]
-pub(super) fn edges(batch: &Batch, places: &[Node]) -> Matrices {
+pub(super) fn edges(batch: &Batch, positions: &[Node]) -> Matrices {
     let mut out = [[0.0; W]; 9];
     for l in 0..W {
-        let p0 = places[batch.nodes[0][l] as usize];
+        let p0 = positions[batch.nodes[0][l] as usize];
         for k in 0..3 {
-            let p = places[batch.nodes[k + 1][l] as usize];
+            let p = positions[batch.nodes[k + 1][l] as usize];
             for i in 0..3 {
                 out[3 * i + k][l] = p[i] - p0[i];
             }
@@ -160,7 +160,7 @@ pub(super) fn rotations(f: &Matrices) -> (Matrices, Matrices, Lane) {
     (r, cofactor, determinant)
 }
 
-/// Adds the elements' nodal forces −V P·∇N to their nodes' places, element by element.
+/// Adds the elements' nodal forces −V P·∇N to their nodes' slots, element by element.
 #[inline(always)]
 pub(super) fn scatter(batch: &Batch, stress: &Matrices, forces: &mut [Node]) {
     let mut out = [[0.0; W]; 9];

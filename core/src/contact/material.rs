@@ -1,10 +1,10 @@
-//! What the grain is made of.
+//! Material parameters: isotropic elasticity, von Mises plasticity with linear hardening.
 
 use super::ContactError;
 use serde::{Deserialize, Serialize};
 
 /// Above this Poisson's ratio a four-node tetrahedron with a pressure of its own locks, and the time step goes to
-/// nought with the bulk wave.
+/// zero with the bulk wave.
 const MOST_POISSON: f64 = 0.495;
 
 /// An isotropic material: elastic, or elastic and then plastic by von Mises' criterion.

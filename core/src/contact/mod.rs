@@ -4,22 +4,25 @@
 //!
 //! - [`Material`], and closed forms for spheres to hold results against ([`hertz`]).
 //! - [`Body`]: the mesh in the order and the batches in which it is computed, its masses, its internal forces.
-//! - [`limit`]: the largest time step that central differences bear.
+//! - [`time_step`]: the largest time step that central differences bear.
 //! - [`Dynamics`]: the step itself, with plates, friction and damping, and every term of the energy balance.
+//!
+//! Laws and their equations stand beside the code: `elastic.rs`, `plastic.rs`, `element.rs` (critical time step), `plates.rs`
+//! (contact and Coulomb's friction), [`hertz`], [`Energy`].
 
 // The kernels of lanes.rs, elastic.rs and plastic.rs must be one straight piece of code for the compiler to work on several
-// elements at once, and their loops run over the same place of several arrays.
+// elements at once, and their loops run over the same index of several arrays.
 #![allow(clippy::inline_always, clippy::needless_range_loop)]
 
 mod body;
 mod dynamics;
 mod elastic;
+mod element;
 mod error;
 pub mod experiment;
 mod fields;
 pub mod hertz;
 mod lanes;
-pub mod limit;
 mod material;
 mod order;
 mod plastic;
@@ -30,6 +33,7 @@ pub mod rest;
 mod rigid;
 mod section;
 mod state;
+pub mod time_step;
 mod touch;
 
 pub use body::Body;

@@ -1,4 +1,4 @@
-//! The order in which elements and nodes are computed: neighbours in space are neighbours in memory.
+//! Renumbering of elements and nodes along Morton's curve: neighbours in space are neighbours in memory.
 
 use crate::mesh::TetMesh;
 

@@ -1,9 +1,14 @@
-//! Two rigid level plates and what happens to a node that meets one.
+//! Contact with two rigid level plates: non-penetration as a constraint on nodes, Coulomb friction.
 //!
-//! Contact is exact: a node that would pass a plate is put on it, and the force that this takes is the plate's. A plane against
-//! flat facets is touched at nodes only, so nothing passes, there is no stiffness to choose and none in the time step. A node
-//! whose force pulls is free again at once. Friction is Coulomb's: what it would take to stop a node's sliding in this step, at
-//! most μ times what presses.
+//! ```text
+//! normal:    v_n ← (z_plate − z)/Δt   where z + Δt v_n would pass the plate,   I_n = m Δv_n
+//! friction:  v_t ← max(0, 1 − µ|I_n|/(m|v_t|)) v_t,                            |I_t| ≤ µ|I_n|
+//! ```
+//!
+//! Contact is exact (a constraint on the velocities, no penalty): a node that would pass a plate is put on it, and the force
+//! that this takes is the plate's. A plane against flat facets is touched at nodes only, so nothing passes, there is no
+//! stiffness to choose and none in the time step. A node whose force pulls is free again at once. Friction is Coulomb's: what
+//! it would take to stop a node's sliding in this step, at most μ times what presses.
 
 use super::ContactError;
 use super::lanes::Node;
@@ -92,8 +97,15 @@ impl Closing {
     /// Corrects a node's velocity, which would take it through a plate; `before` is its velocity before the step. What the
     /// plate gave, as an impulse, where it touched.
     #[inline]
-    pub(super) fn hold(&self, place: &Node, before: &Node, mass: f64, v: &mut Node, told: &mut Reaction) {
-        let ahead = place[2] + self.step_s * v[2];
+    pub(super) fn hold(
+        &self,
+        position: &Node,
+        before: &Node,
+        mass: f64,
+        v: &mut Node,
+        reaction: &mut Reaction,
+    ) {
+        let ahead = position[2] + self.step_s * v[2];
         let (which, height) = if ahead < self.lower_mm {
             (0, self.lower_mm)
         } else if ahead > self.upper_mm {
@@ -101,10 +113,10 @@ impl Closing {
         } else {
             return;
         };
-        let onto = (height - place[2]) / self.step_s;
+        let onto = (height - position[2]) / self.step_s;
         let normal = mass * (onto - v[2]);
         // Work on the node goes with the mean of its old and new velocity, work of the plate with its own.
-        told.impact_n_mm += normal * (self.speed_mm_s[which] - 0.5 * (before[2] + onto));
+        reaction.impact_n_mm += normal * (self.speed_mm_s[which] - 0.5 * (before[2] + onto));
         v[2] = onto;
         let slide = (v[0] * v[0] + v[1] * v[1]).sqrt();
         let most = self.friction * normal.abs() / mass;
@@ -113,13 +125,13 @@ impl Closing {
         for k in 0..2 {
             let new = keep * v[k];
             impulse[k] = mass * (new - v[k]);
-            told.friction_n_mm -= impulse[k] * 0.5 * (before[k] + new);
+            reaction.friction_n_mm -= impulse[k] * 0.5 * (before[k] + new);
             v[k] = new;
         }
-        let sum = if which == 0 { &mut told.lower_n_s } else { &mut told.upper_n_s };
+        let sum = if which == 0 { &mut reaction.lower_n_s } else { &mut reaction.upper_n_s };
         for k in 0..3 {
             sum[k] += impulse[k];
         }
-        told.nodes[which] += 1;
+        reaction.nodes[which] += 1;
     }
 }

@@ -1,10 +1,10 @@
-//! One compression: from the first touch to a force or an approach.
+//! A uniaxial compression: loading, sampling and stopping, from the first touch to a force or an approach of the plates.
 //!
 //! Both plates move, each by half the approach, which halves the speed and quarters the energy of motion; only the approach
 //! counts. How fast follows from what the grain has stored of their work so far (see [`Loading`]).
 
 use super::lanes::Node;
-use super::touch::{Contact, Plate, Skin, Touch, Tracker};
+use super::touch::{BoundaryFacets, Contact, Plate, Touch, Tracker};
 use super::{Body, ContactError, Dynamics, Energy, Material, Plates, Reaction};
 use crate::geometry::{Point, Vector};
 use crate::mesh::TetMesh;
@@ -114,26 +114,26 @@ impl Loading {
     }
 }
 
-/// What is kept of a stretch of the compression.
+/// A sample: forces averaged over a window, energies and contacts at its end.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Sample {
-    /// The time at the end of the stretch, s.
+    /// The time at the end of the window, s.
     pub time_s: f64,
     /// Steps done by then.
     pub steps: u64,
-    /// The approach of the plates in the middle of the stretch, mm.
+    /// The approach of the plates in the middle of the window, mm.
     pub approach_mm: f64,
-    /// The mean of both plates' forces over the stretch, N.
+    /// The mean of both plates' forces over the window, N.
     pub force_n: f64,
-    /// Of the lower plate on the grain, over the stretch, N.
+    /// Of the lower plate on the grain, over the window, N.
     pub lower_n: [f64; 3],
-    /// Of the upper plate on the grain, over the stretch, N.
+    /// Of the upper plate on the grain, over the window, N.
     pub upper_n: [f64; 3],
-    /// The energies at the end of the stretch.
+    /// The energies at the end of the window.
     pub energy: Energy,
     /// How far the grain has turned, as a rotation vector, rad.
     pub rotation_rad: [f64; 3],
-    /// The contacts at the end of the stretch.
+    /// The contacts at the end of the window.
     pub touches: Vec<Touch>,
     /// The time step, s.
     pub step_s: f64,
@@ -141,9 +141,9 @@ pub struct Sample {
     pub speed_mm_s: f64,
 }
 
-/// What the sums of an unfinished stretch hold.
+/// The averaging window in progress: sums since it began.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct Stretch {
+pub(super) struct AveragingWindow {
     pub(super) reaction: Reaction,
     pub(super) from_s: f64,
     pub(super) from_mm: f64,
@@ -158,11 +158,11 @@ pub struct Press {
     pub(super) loading: Loading,
     pub(super) samples: Vec<Sample>,
     pub(super) tracker: Tracker,
-    pub(super) stretch: Stretch,
+    pub(super) window: AveragingWindow,
     pub(super) speed_mm_s: f64,
     pub(super) step_s: f64,
-    skin: Skin,
-    /// The plates' distance when the approach was nought, mm.
+    boundary: BoundaryFacets,
+    /// The plates' distance when the approach was zero, mm.
     gap_mm: f64,
     height_mm: f64,
     mass_t: f64,
@@ -183,11 +183,11 @@ impl Press {
     ) -> Result<Self, ContactError> {
         loading.check()?;
         let mut body = Body::new(mesh, material)?;
-        let (bottom, top) = reach(&body.rest);
+        let (bottom, top) = reach(&body.reference);
         let asked =
             Plates { lower_mm: middle_mm - 0.5 * gap_mm, upper_mm: middle_mm + 0.5 * gap_mm, friction };
         // A mesh's nodes may lie a little outside the body that it stands for: then the plates begin at the nodes, and the
-        // approach below nought.
+        // approach below zero.
         let half = (0.5 * gap_mm).max(middle_mm - bottom).max(top - middle_mm);
         let plates = if half <= (1.0 + OUTSIDE) * 0.5 * gap_mm {
             Plates { lower_mm: middle_mm - half, upper_mm: middle_mm + half, friction }
@@ -201,7 +201,7 @@ impl Press {
         let mut dynamics = Dynamics::new(&body);
         let height_mm = top - bottom;
         dynamics.damping_per_s = loading.damping * material.shear_wave_mm_s() / height_mm;
-        let skin = Skin::new(mesh, &body);
+        let boundary = BoundaryFacets::new(mesh, &body);
         let mass_t = body.mass_t();
         let mut press = Self {
             body,
@@ -210,15 +210,15 @@ impl Press {
             loading: *loading,
             samples: Vec::new(),
             tracker: Tracker::default(),
-            stretch: Stretch::default(),
+            window: AveragingWindow::default(),
             speed_mm_s: 0.0,
             step_s: 0.0,
-            skin,
+            boundary,
             gap_mm,
             height_mm,
             mass_t,
         };
-        press.stretch.from_mm = press.approach_mm();
+        press.window.from_mm = press.approach_mm();
         press.review()?;
         Ok(press)
     }
@@ -226,7 +226,7 @@ impl Press {
     /// How far the farthest node is beyond a plate, mm: rounding.
     pub fn overclosure_mm(&self) -> f64 {
         let beyond = |p: &Node| (self.plates.lower_mm - p[2]).max(p[2] - self.plates.upper_mm);
-        self.dynamics.places.iter().map(beyond).fold(0.0, f64::max)
+        self.dynamics.positions.iter().map(beyond).fold(0.0, f64::max)
     }
 
     /// The body.
@@ -269,10 +269,10 @@ impl Press {
         self.samples.last().map_or(0.0, |s| self.loading.done_at(s))
     }
 
-    /// The places of the mesh's nodes now, mm, with the lower plate at the height nought, and that of the upper plate.
-    pub fn placed_mm(&self) -> (Vec<Point>, f64) {
+    /// The positions of the mesh's nodes now, mm, with the lower plate at the height zero, and that of the upper plate.
+    pub fn positions_mm(&self) -> (Vec<Point>, f64) {
         let mut out = vec![Point::origin(); self.body.nodes()];
-        for (n, x) in self.dynamics.places.iter().enumerate() {
+        for (n, x) in self.dynamics.positions.iter().enumerate() {
             out[self.body.mesh_node(n)] = Point::new(x[0], x[1], x[2] - self.plates.lower_mm);
         }
         (out, self.plates.upper_mm - self.plates.lower_mm)
@@ -315,8 +315,8 @@ impl Press {
             self.accelerate();
             let half = 0.5 * self.speed_mm_s;
             let did = self.dynamics.step(&self.body, &mut self.plates, [half, -half], self.step_s)?;
-            self.stretch.reaction.add(&did);
-            if self.dynamics.time_s - self.stretch.from_s >= long_s {
+            self.window.reaction.add(&did);
+            if self.dynamics.time_s - self.window.from_s >= long_s {
                 self.sample();
                 return Ok(true);
             }
@@ -339,7 +339,8 @@ impl Press {
         Ok(())
     }
 
-    /// Lets the speed follow the energy stored, smoothly.
+    /// Lets the speed follow what the grain has stored, smoothly: `v = √(2 φ E/m)` for the share φ = `motion_share` of the energy E
+    /// that is not motion and the grain's mass m, within [`Loading::slowest`] and [`Loading::fastest`].
     fn accelerate(&mut self) {
         let material = &self.body.material;
         let bar_mm_s = (material.young_mpa / material.density_t_mm3).sqrt();
@@ -354,16 +355,16 @@ impl Press {
 
     fn sample(&mut self) {
         let approach = self.approach_mm();
-        let stretch = std::mem::take(&mut self.stretch);
-        let seconds = self.dynamics.time_s - stretch.from_s;
-        let lower_n = stretch.reaction.lower_n_s.map(|i| i / seconds);
-        let upper_n = stretch.reaction.upper_n_s.map(|i| i / seconds);
+        let window = std::mem::take(&mut self.window);
+        let seconds = self.dynamics.time_s - window.from_s;
+        let lower_n = window.reaction.lower_n_s.map(|i| i / seconds);
+        let upper_n = window.reaction.upper_n_s.map(|i| i / seconds);
         let touching = self.touching();
-        let touches = self.tracker.look(&self.skin, &self.dynamics.places, &touching, approach);
+        let touches = self.tracker.look(&self.boundary, &self.dynamics.positions, &touching, approach);
         self.samples.push(Sample {
             time_s: self.dynamics.time_s,
             steps: self.dynamics.steps,
-            approach_mm: 0.5 * (stretch.from_mm + approach),
+            approach_mm: 0.5 * (window.from_mm + approach),
             force_n: 0.5 * (lower_n[2] - upper_n[2]),
             lower_n,
             upper_n,
@@ -373,17 +374,17 @@ impl Press {
             step_s: self.step_s,
             speed_mm_s: self.speed_mm_s,
         });
-        self.stretch.from_s = self.dynamics.time_s;
-        self.stretch.from_mm = approach;
+        self.window.from_s = self.dynamics.time_s;
+        self.window.from_mm = approach;
     }
 
     /// Nodes that touch a plate now, by rising number, with what presses on each, N.
     fn touching(&self) -> Vec<(u32, Plate, f64)> {
         // A node that a plate holds is on it but for rounding.
         let near = 1e-12 * self.height_mm.max(self.plates.upper_mm.abs());
-        let at = |n: u32| self.dynamics.places[n as usize][2];
+        let at = |n: u32| self.dynamics.positions[n as usize][2];
         let force = |n: u32| self.dynamics.forces()[n as usize][2];
-        (self.skin.nodes().iter())
+        (self.boundary.nodes().iter())
             .filter_map(|&n| {
                 if (at(n) - self.plates.lower_mm).abs() <= near {
                     Some((n, Plate::Lower, -force(n)))
@@ -399,16 +400,16 @@ impl Press {
     /// How far the grain has turned: the rotation that carries its nodes best to where they are, by mass.
     pub fn rotation(&self) -> Rotation3<f64> {
         let mass = &self.body.mass;
-        let center = |places: &[Node]| -> Vector {
-            let (sum, total) = places
+        let center = |positions: &[Node]| -> Vector {
+            let (sum, total) = positions
                 .iter()
                 .zip(mass)
                 .fold((Vector::zeros(), 0.0), |(s, t), (p, m)| (s + Vector::from(*p) * *m, t + m));
             sum / total
         };
-        let (from, to) = (center(&self.body.rest), center(&self.dynamics.places));
+        let (from, to) = (center(&self.body.reference), center(&self.dynamics.positions));
         let mut a = Matrix3::zeros();
-        for ((x, y), m) in self.body.rest.iter().zip(&self.dynamics.places).zip(mass) {
+        for ((x, y), m) in self.body.reference.iter().zip(&self.dynamics.positions).zip(mass) {
             a += (Vector::from(*y) - to) * (Vector::from(*x) - from).transpose() * *m;
         }
         Rotation3::from_matrix_eps(&a, 1e-15, 100, Rotation3::identity())
@@ -418,7 +419,7 @@ impl Press {
     pub fn displacements_mm(&self) -> Vec<Point> {
         let moved = self.plates.lower_mm - (self.plates.lower_mm + self.plates.upper_mm - self.gap_mm) / 2.0;
         let mut out = vec![Point::origin(); self.body.nodes()];
-        for (n, (x, y)) in self.body.rest.iter().zip(&self.dynamics.places).enumerate() {
+        for (n, (x, y)) in self.body.reference.iter().zip(&self.dynamics.positions).enumerate() {
             out[self.body.mesh_node(n)] = Point::new(y[0] - x[0], y[1] - x[1], y[2] - x[2] - moved);
         }
         out
@@ -426,6 +427,6 @@ impl Press {
 }
 
 /// The least and the largest height.
-fn reach(places: &[Node]) -> (f64, f64) {
-    places.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(p[2]), h.max(p[2])))
+fn reach(positions: &[Node]) -> (f64, f64) {
+    positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(p[2]), h.max(p[2])))
 }

@@ -1,4 +1,5 @@
-//! What is read off a compression: the transition to a Hertzian response, Hertz' parameters after it, agreement with a test.
+//! Evaluation of a force–displacement curve: the transition to a Hertzian response, Hertz' parameters after it, agreement with
+//! a test.
 
 use super::{Material, Sample};
 use serde::{Deserialize, Serialize};
@@ -76,10 +77,10 @@ pub fn transition(curve: &[CurvePoint], force_n: f64) -> Option<Transition> {
     })
 }
 
-/// Hertz' law fitted to a curve: F = 4/3 E* √R ((δ−δ₀)/2)^(3/2), a contact at each plate.
+/// Hertz' law fitted to a curve: `F = 4/3 E* √R ((δ − δ₀)/2)^(3/2)`, a contact at each plate; `F^(2/3)` is linear in δ.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct HertzFit {
-    /// Where the law's force would be nought, mm of the plates' approach.
+    /// Where the law's force would be zero, mm of the plates' approach.
     pub origin_mm: f64,
     /// E* of a sphere as high as the grain that follows the law, MPa.
     pub contact_modulus_mpa: f64,
@@ -178,7 +179,7 @@ pub struct QuasiStatic {
     /// tips and slides; it stores hardly any energy, whatever the speed, with which its motion could be compared.
     #[serde(default)]
     pub formed_mm: f64,
-    /// The largest kinetic over internal energy at the end of a stretch since; 10 stands for anything above, where hardly any
+    /// The largest kinetic over internal energy at the end of a window since; 10 stands for anything above, where hardly any
     /// energy is stored.
     pub largest: f64,
     /// The approach at which it was so, mm.
@@ -197,7 +198,7 @@ pub struct QuasiStatic {
 pub const QUASI_STATIC: f64 = 0.05;
 /// A contact has formed when both plates carry this share of the largest force.
 const FORMED: f64 = 0.02;
-/// Motion over stored energy is told up to here; beyond, hardly anything is stored and the figure says nothing but that.
+/// Kinetic over internal energy is stated up to here; beyond, hardly anything is stored and the figure shows only that.
 const MOST_MOTION: f64 = 10.0;
 
 impl QuasiStatic {
@@ -311,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn motion_counts_since_a_contact_has_formed_and_is_told_with_its_range() {
+    fn motion_counts_since_a_contact_has_formed_and_is_stated_with_its_range() {
         let sample = |um: f64, force_n: f64, kinetic: f64| Sample {
             time_s: 0.0,
             steps: 0,
@@ -338,9 +339,9 @@ mod tests {
         samples.insert(3, sample(4.0, 0.1, 0.2));
         let slipped = quasi_static(&samples, 2.0).unwrap();
         assert_eq!((slipped.above_mm, slipped.above_limit), (Some([0.004, 0.004]), 0.5));
-        let said = slipped.warning().unwrap();
+        let warning = slipped.warning().unwrap();
         for part in ["4.00 and 4.00 µm", "0.100 N", "3.00 µm", "50.0 %", "20.0 %", "--speed"] {
-            assert!(said.contains(part), "{said}");
+            assert!(warning.contains(part), "{warning}");
         }
         assert_eq!(quasi_static(&[], 2.0), None);
     }

@@ -1,4 +1,4 @@
-//! How a body comes to rest on a level plate: it rolls over its lowest points until its centre of mass is above what it
+//! Stable rest of a rigid body on a level plate: it rolls over its lowest points until its centre of mass is above what it
 //! stands on.
 
 use crate::geometry::{Point, Vector};
@@ -45,7 +45,7 @@ fn tips_over(feet: &[Vector], size: f64) -> Option<(Vector, Vector)> {
     Some((nearest, Vector::z().cross(&-away)))
 }
 
-/// The place of the feet's convex hull, seen from above, that is nearest to the origin.
+/// The point of the feet's convex hull, seen from above, that is nearest to the origin.
 fn nearest_on_hull(feet: &[Vector]) -> Vector {
     let hull = hull_from_above(feet);
     let side = |a: &Vector, b: &Vector| a.x * b.y - a.y * b.x;

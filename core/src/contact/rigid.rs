@@ -1,6 +1,6 @@
-//! How a body moves as a whole, which damping must not hold back.
+//! The rigid-body motion of a deforming body, which damping must not hold back.
 
-use super::dynamics::BLOCK;
+use super::body::BLOCK;
 use super::lanes::Node;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
@@ -18,9 +18,9 @@ pub(super) struct Rigid {
 #[derive(Debug, Clone, Copy)]
 struct Sums {
     mass: f64,
-    /// Mass times place.
+    /// Mass times position.
     first: Vector3<f64>,
-    /// Mass times place times place.
+    /// Mass times position times position.
     second: Matrix3<f64>,
     momentum: Vector3<f64>,
     moment: Vector3<f64>,
@@ -28,11 +28,11 @@ struct Sums {
 
 impl Rigid {
     /// Nodes are added block by block, and blocks in their order: the same bits on any number of threads.
-    pub(super) fn of(mass: &[f64], places: &[Node], velocities: &[Node]) -> Self {
+    pub(super) fn of(mass: &[f64], positions: &[Node], velocities: &[Node]) -> Self {
         let blocks: Vec<Sums> = (mass.par_chunks(BLOCK))
-            .zip(places.par_chunks(BLOCK))
+            .zip(positions.par_chunks(BLOCK))
             .zip(velocities.par_chunks(BLOCK))
-            .map(|((mass, places), velocities)| Sums::of(mass, places, velocities))
+            .map(|((mass, positions), velocities)| Sums::of(mass, positions, velocities))
             .collect();
         let mut all = Sums::none();
         blocks.iter().for_each(|b| all.add(b));
@@ -46,22 +46,22 @@ impl Rigid {
         Self { center, velocity, spin }
     }
 
-    /// The velocity at a place, mm/s.
+    /// The velocity at a position, mm/s.
     #[inline]
-    pub(super) fn at(&self, place: &Node) -> Node {
-        (self.velocity + self.spin.cross(&(Vector3::from(*place) - self.center))).into()
+    pub(super) fn at(&self, position: &Node) -> Node {
+        (self.velocity + self.spin.cross(&(Vector3::from(*position) - self.center))).into()
     }
 }
 
 impl Sums {
     fn none() -> Self {
-        let nought = Vector3::zeros();
-        Self { mass: 0.0, first: nought, second: Matrix3::zeros(), momentum: nought, moment: nought }
+        let zero = Vector3::zeros();
+        Self { mass: 0.0, first: zero, second: Matrix3::zeros(), momentum: zero, moment: zero }
     }
 
-    fn of(mass: &[f64], places: &[Node], velocities: &[Node]) -> Self {
+    fn of(mass: &[f64], positions: &[Node], velocities: &[Node]) -> Self {
         let mut sums = Self::none();
-        for ((m, x), v) in mass.iter().zip(places).zip(velocities) {
+        for ((m, x), v) in mass.iter().zip(positions).zip(velocities) {
             let (x, v) = (Vector3::from(*x), Vector3::from(*v));
             sums.mass += m;
             sums.first += *m * x;
@@ -88,21 +88,21 @@ mod tests {
     #[test]
     fn a_rigid_motion_is_found_and_a_stretch_has_none() {
         let mass: Vec<f64> = (0..3000).map(|i| 1.0 + 0.3 * f64::from(i % 7)).collect();
-        let places: Vec<Node> = (0..3000)
+        let positions: Vec<Node> = (0..3000)
             .map(f64::from)
             .map(|i| [0.3 + (0.7 * i).sin(), 0.8 * (1.3 * i).cos(), 0.5 * (2.1 * i).sin() - 0.2])
             .collect();
         let (velocity, spin) = (Vector3::new(1.0, -2.0, 0.5), Vector3::new(0.3, 0.7, -1.1));
         let moving: Vec<Node> =
-            places.iter().map(|x| (velocity + spin.cross(&Vector3::from(*x))).into()).collect();
-        let rigid = Rigid::of(&mass, &places, &moving);
-        for (x, v) in places.iter().zip(&moving) {
+            positions.iter().map(|x| (velocity + spin.cross(&Vector3::from(*x))).into()).collect();
+        let rigid = Rigid::of(&mass, &positions, &moving);
+        for (x, v) in positions.iter().zip(&moving) {
             assert!((Vector3::from(rigid.at(x)) - Vector3::from(*v)).norm() < 1e-12);
         }
         // Away from the centre of mass at a rate that is the same everywhere.
         let center = rigid.center;
-        let stretch: Vec<Node> = places.iter().map(|x| (Vector3::from(*x) - center).into()).collect();
-        let rigid = Rigid::of(&mass, &places, &stretch);
+        let stretch: Vec<Node> = positions.iter().map(|x| (Vector3::from(*x) - center).into()).collect();
+        let rigid = Rigid::of(&mass, &positions, &stretch);
         assert!(rigid.velocity.norm() < 1e-12 && rigid.spin.norm() < 1e-12, "{rigid:?}");
     }
 }

@@ -1,20 +1,20 @@
-//! A cut through the deformed grain.
+//! Plane section through the deformed tetrahedra.
 
 use crate::geometry::{Point, Vector};
 use crate::mesh::TetMesh;
 
 /// The tetrahedra that an upright plane cuts: each with the corners of its cut, to the right along `along` and upwards, mm.
 ///
-/// The plane goes through `through` and holds z and the level direction `along`; `places` are the nodes' places, mm.
+/// The plane goes through `through` and holds z and the level direction `along`; `positions` are the nodes' positions, mm.
 pub fn section(
     mesh: &TetMesh,
-    places: &[Point],
+    positions: &[Point],
     through: &Point,
     along: &Vector,
 ) -> Vec<(usize, Vec<[f64; 2]>)> {
     let along = along.normalize();
     let normal = along.cross(&Vector::z());
-    let depth: Vec<f64> = places.iter().map(|p| (p - through).dot(&normal)).collect();
+    let depth: Vec<f64> = positions.iter().map(|p| (p - through).dot(&normal)).collect();
     let at = |p: Vector| [p.dot(&along), p.z];
     (mesh.tets.iter().enumerate())
         .filter_map(|(t, nodes)| {
@@ -22,7 +22,7 @@ pub fn section(
                 nodes.iter().partition(|n| depth[**n as usize] < 0.0);
             let crossing = |a: u32, b: u32| {
                 let (da, db) = (depth[a as usize], depth[b as usize]);
-                let (pa, pb) = (places[a as usize], places[b as usize]);
+                let (pa, pb) = (positions[a as usize], positions[b as usize]);
                 at((pa + (pb - pa) * (da / (da - db))).coords)
             };
             let corners = match (behind.as_slice(), before.as_slice()) {

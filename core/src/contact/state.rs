@@ -1,15 +1,16 @@
-//! A compression as bytes, to go on with it later: what comes out is what would have come out without a break, bit for bit.
+//! Checkpoints: a compression as bytes, to go on with it later: what comes out is what would have come out without a break, bit
+//! for bit.
 //!
 //! ```text
-//! "grainrig press 1\n"  length of the header (u64)  header (JSON)  places  velocities  volume ratios  [memories]
+//! "grainrig press 1\n"  length of the header (u64)  header (JSON)  positions  velocities  volume ratios  [history variables]
 //! ```
 //! Numbers are 64-bit, little endian. What follows from the mesh and the settings is not kept: the same mesh and settings make
 //! the press, then its state is put in.
 
 use super::dynamics::ChunkState;
 use super::lanes::{Node, W};
-use super::plastic::Memory;
-use super::press::{Press, Sample, Stretch};
+use super::plastic::HistoryVariables;
+use super::press::{AveragingWindow, Press, Sample};
 use super::touch::Tracker;
 use super::{Energy, Plates};
 use serde::{Deserialize, Serialize};
@@ -27,7 +28,8 @@ struct Header {
     speed_mm_s: f64,
     spent: Energy,
     plates: Plates,
-    stretch: Stretch,
+    #[serde(rename = "stretch")]
+    window: AveragingWindow,
     tracker: Tracker,
     samples: Vec<Sample>,
 }
@@ -56,7 +58,7 @@ impl Press {
             speed_mm_s: self.speed_mm_s,
             spent: d.spent,
             plates: self.plates,
-            stretch: self.stretch,
+            window: self.window,
             tracker: self.tracker.clone(),
             samples: self.samples.clone(),
         };
@@ -65,10 +67,10 @@ impl Press {
         out.extend((header.len() as u64).to_le_bytes());
         out.extend(header);
         let mut put = |x: f64| out.extend(x.to_le_bytes());
-        d.places.iter().chain(&d.velocities).flatten().for_each(|x| put(*x));
+        d.positions.iter().chain(&d.velocities).flatten().for_each(|x| put(*x));
         for chunk in &d.chunks {
             chunk.volume_ratio.iter().flatten().for_each(|x| put(*x));
-            for m in &chunk.memory {
+            for m in &chunk.history {
                 m.deviator.iter().flatten().chain(&m.strain).for_each(|x| put(*x));
             }
         }
@@ -95,8 +97,8 @@ impl Press {
         }
         let d = &self.dynamics;
         let batches: usize = d.chunks.iter().map(|c| c.volume_ratio.len()).sum();
-        let memories: usize = d.chunks.iter().map(|c| c.memory.len()).sum();
-        let expected = 6 * d.places.len() + W * (batches + 7 * memories);
+        let histories: usize = d.chunks.iter().map(|c| c.history.len()).sum();
+        let expected = 6 * d.positions.len() + W * (batches + 7 * histories);
         if rest.len() != 8 * expected {
             return Err(damaged("its length is not that of this mesh"));
         }
@@ -104,11 +106,11 @@ impl Press {
         let mut next = || numbers.next().unwrap_or(f64::NAN);
         let mut node = |_| -> Node { [next(), next(), next()] };
         let d = &mut self.dynamics;
-        d.places = (0..d.places.len()).map(&mut node).collect();
+        d.positions = (0..d.positions.len()).map(&mut node).collect();
         d.velocities = (0..d.velocities.len()).map(&mut node).collect();
-        for ChunkState { volume_ratio, memory } in &mut d.chunks {
+        for ChunkState { volume_ratio, history } in &mut d.chunks {
             volume_ratio.iter_mut().flatten().for_each(|x| *x = next());
-            for Memory { deviator, strain } in memory {
+            for HistoryVariables { deviator, strain } in history {
                 deviator.iter_mut().flatten().chain(strain).for_each(|x| *x = next());
             }
         }
@@ -119,7 +121,7 @@ impl Press {
         self.step_s = header.step_s;
         self.speed_mm_s = header.speed_mm_s;
         self.plates = header.plates;
-        self.stretch = header.stretch;
+        self.window = header.window;
         self.tracker = header.tracker;
         self.samples = header.samples;
         Ok(())
@@ -130,7 +132,7 @@ impl Press {
         let m = self.body.material;
         let of_material =
             [m.young_mpa, m.poisson, m.density_t_mm3, m.yield_mpa.unwrap_or(0.0), m.hardening_mpa];
-        let numbers = self.body.rest.iter().flatten().chain(&of_material).chain(&self.body.mass);
+        let numbers = self.body.reference.iter().flatten().chain(&of_material).chain(&self.body.mass);
         numbers.fold(0xcbf2_9ce4_8422_2325, |hash, x| (hash ^ x.to_bits()).wrapping_mul(0x0100_0000_01b3))
     }
 }

@@ -1,4 +1,4 @@
-//! The contacts: patches of nodes on a plate, each followed from its birth to its death.
+//! Contact patches: connected sets of boundary nodes on a plate, each tracked from its birth to its death.
 
 use super::Body;
 use super::lanes::Node;
@@ -21,7 +21,8 @@ pub struct Touch {
     /// The contact's number.
     pub id: usize,
     /// Where on the plate its force acts, mm.
-    pub place_mm: [f64; 2],
+    #[serde(rename = "place_mm")]
+    pub position_mm: [f64; 2],
     /// Its area: that of the surface nodes which touch, mm².
     pub area_mm2: f64,
     /// What presses, N.
@@ -45,9 +46,9 @@ pub struct Contact {
     pub last: Touch,
 }
 
-/// The body's surface in the order of computation.
+/// The boundary facets of the mesh, by the nodes of the computation, and which nodes neighbour which.
 #[derive(Debug, Clone)]
-pub(super) struct Skin {
+pub(super) struct BoundaryFacets {
     triangles: Vec<[u32; 3]>,
     /// For each node where its neighbours begin in `neighbours`.
     starts: Vec<u32>,
@@ -56,14 +57,14 @@ pub(super) struct Skin {
     nodes: Vec<u32>,
 }
 
-impl Skin {
+impl BoundaryFacets {
     pub(super) fn new(mesh: &TetMesh, body: &Body) -> Self {
-        let mut place = vec![0u32; body.nodes()];
+        let mut index = vec![0u32; body.nodes()];
         for i in 0..body.nodes() {
-            place[body.mesh_node(i)] = i as u32;
+            index[body.mesh_node(i)] = i as u32;
         }
         let surface = mesh.surface();
-        let of = |v: u32| place[surface.nodes[v as usize] as usize];
+        let of = |v: u32| index[surface.nodes[v as usize] as usize];
         let triangles: Vec<[u32; 3]> = surface.triangles.triangles.iter().map(|t| t.map(of)).collect();
         let mut lists: Vec<Vec<u32>> = vec![Vec::new(); body.nodes()];
         for t in &triangles {
@@ -96,10 +97,10 @@ impl Skin {
     }
 
     /// A third of the area of the triangles around each node, mm².
-    fn areas(&self, places: &[Node]) -> Vec<f64> {
-        let mut out = vec![0.0; places.len()];
+    fn areas(&self, positions: &[Node]) -> Vec<f64> {
+        let mut out = vec![0.0; positions.len()];
         for t in &self.triangles {
-            let [a, b, c] = t.map(|n| places[n as usize]);
+            let [a, b, c] = t.map(|n| positions[n as usize]);
             let (u, v) = ([0, 1, 2].map(|k| b[k] - a[k]), [0, 1, 2].map(|k| c[k] - a[k]));
             let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
             let third = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt() / 6.0;
@@ -124,12 +125,12 @@ impl Tracker {
     /// node of an earlier contact is that contact.
     pub(super) fn look(
         &mut self,
-        skin: &Skin,
-        places: &[Node],
+        boundary: &BoundaryFacets,
+        positions: &[Node],
         touching: &[(u32, Plate, f64)],
         approach_mm: f64,
     ) -> Vec<Touch> {
-        let areas = if touching.is_empty() { Vec::new() } else { skin.areas(places) };
+        let areas = if touching.is_empty() { Vec::new() } else { boundary.areas(positions) };
         let find = |n: u32| touching.binary_search_by_key(&n, |t| t.0).ok();
         let mut patch_of = vec![usize::MAX; touching.len()];
         let mut patches: Vec<Vec<usize>> = Vec::new();
@@ -143,8 +144,8 @@ impl Tracker {
             while next < patch.len() {
                 let node = touching[patch[next]].0;
                 next += 1;
-                for &near in skin.around(node) {
-                    for &n in std::iter::once(&near).chain(skin.around(near)) {
+                for &near in boundary.around(node) {
+                    for &n in std::iter::once(&near).chain(boundary.around(near)) {
                         if let Some(i) = find(n)
                             && patch_of[i] == usize::MAX
                             && touching[i].1 == touching[seed].1
@@ -166,25 +167,25 @@ impl Tracker {
             nodes.sort_unstable();
             let near = |n: &u32| {
                 nodes.binary_search(n).is_ok()
-                    || skin.around(*n).iter().any(|m| nodes.binary_search(m).is_ok())
+                    || boundary.around(*n).iter().any(|m| nodes.binary_search(m).is_ok())
             };
             let heir = (0..before.len()).find(|&b| {
                 !taken[b] && self.contacts[before[b].0].plate == plate && before[b].1.iter().any(near)
             });
-            let mut touch = Touch { id: 0, place_mm: [0.0; 2], area_mm2: 0.0, force_n: 0.0 };
+            let mut touch = Touch { id: 0, position_mm: [0.0; 2], area_mm2: 0.0, force_n: 0.0 };
             let mut plain = [0.0; 2];
             for &i in &patch {
                 let (node, _, force) = touching[i];
-                let p = places[node as usize];
+                let p = positions[node as usize];
                 touch.area_mm2 += areas[node as usize];
                 touch.force_n += force;
                 for k in 0..2 {
-                    touch.place_mm[k] += force * p[k];
+                    touch.position_mm[k] += force * p[k];
                     plain[k] += p[k] / patch.len() as f64;
                 }
             }
-            touch.place_mm =
-                if touch.force_n > 0.0 { touch.place_mm.map(|x| x / touch.force_n) } else { plain };
+            touch.position_mm =
+                if touch.force_n > 0.0 { touch.position_mm.map(|x| x / touch.force_n) } else { plain };
             touch.id = if let Some(b) = heir {
                 taken[b] = true;
                 before[b].0

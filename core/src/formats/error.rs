@@ -1,4 +1,4 @@
-//! What can go wrong between a mesh and a file.
+//! Errors of reading and writing files.
 
 /// Why a file was not written or not read.
 #[derive(Debug, thiserror::Error)]
@@ -19,7 +19,7 @@ pub enum ExportError {
     Read {
         /// The format.
         format: &'static str,
-        /// What is wrong, with the line or the place.
+        /// What is wrong, with the line or the position.
         what: String,
     },
     /// A body too far from the origin for the coordinates to describe it.

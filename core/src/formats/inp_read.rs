@@ -15,7 +15,7 @@ enum Section {
 }
 
 /// Reads the elements C3D4 and C3D10 (of these the corners) of a deck, and their nodes; everything else is passed over.
-/// The unit is the file's own. Whether they are a mesh is for [`TetMesh::check`] to say.
+/// The unit is the file's own. Whether they are a mesh is for [`TetMesh::check`] to find.
 ///
 /// # Errors
 /// [`ExportError::Read`] with the line that can't be understood, for an element type that is not read, an `*INCLUDE`, and
@@ -23,7 +23,7 @@ enum Section {
 pub fn read(bytes: &[u8]) -> Result<TetMesh, ExportError> {
     let text = std::str::from_utf8(bytes).map_err(|_| bad("it is not text".into()))?;
     let mut section = Section::Other;
-    let mut places: HashMap<u64, Point> = HashMap::new();
+    let mut points: HashMap<u64, Point> = HashMap::new();
     let mut tets: Vec<[u64; 4]> = Vec::new();
     // The numbers of an element so far: its lines may go on.
     let mut element: Vec<u64> = Vec::new();
@@ -66,7 +66,7 @@ pub fn read(bytes: &[u8]) -> Result<TetMesh, ExportError> {
                 if !(tag.fract() == 0.0 && *tag > 0.0) {
                     return Err(bad(format!("line {i} has the node number {tag}")));
                 }
-                places.insert(*tag as u64, Point::new(*x, *y, *z));
+                points.insert(*tag as u64, Point::new(*x, *y, *z));
             }
             Section::Tetrahedra(nodes) => {
                 let all: Option<Vec<u64>> = words.map(|w| w.parse().ok()).collect();
@@ -85,7 +85,7 @@ pub fn read(bytes: &[u8]) -> Result<TetMesh, ExportError> {
     if !element.is_empty() {
         return Err(bad("it ends within an element".into()));
     }
-    gathered("Abaqus", &places, &tets)
+    gathered("Abaqus", &points, &tets)
 }
 
 fn bad(what: String) -> ExportError {
@@ -123,16 +123,16 @@ mod tests {
 
     #[test]
     fn decks_that_are_none_are_refused_with_the_line() {
-        let says = |text: &str, what: &str| {
+        let fails = |text: &str, what: &str| {
             let e = read(text.as_bytes()).unwrap_err().to_string();
             assert!(e.contains(what), "{e}");
         };
-        says("", "no tetrahedron");
-        says("*ELEMENT, TYPE=C3D8\n", "type C3D8");
-        says("*NODE\n1, 0, zero, 0\n", "line 2");
-        says("*NODE\n1, 0, 0, 0\n*ELEMENT, TYPE=C3D4\n1, 1, 2, 3, 4\n", "node 2");
-        says("*ELEMENT, TYPE=C3D4\n1, 1, 2\n*STEP\n", "too few");
-        says("*INCLUDE, INPUT=mesh.inp\n", "includes");
+        fails("", "no tetrahedron");
+        fails("*ELEMENT, TYPE=C3D8\n", "type C3D8");
+        fails("*NODE\n1, 0, zero, 0\n", "line 2");
+        fails("*NODE\n1, 0, 0, 0\n*ELEMENT, TYPE=C3D4\n1, 1, 2, 3, 4\n", "node 2");
+        fails("*ELEMENT, TYPE=C3D4\n1, 1, 2\n*STEP\n", "too few");
+        fails("*INCLUDE, INPUT=mesh.inp\n", "includes");
     }
 
     proptest! {

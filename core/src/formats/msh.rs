@@ -31,7 +31,7 @@ pub fn write(
     let order = second.then(|| mesh.second_order());
     let nodes = order.as_ref().map_or(&mesh.nodes, |s| &s.nodes);
     let surface = mesh.surface();
-    // The format's first section must come first: readers tell by it which version follows.
+    // The format's first section must come first: readers take the version from it.
     writeln!(out, "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Comments\nunit mm")?;
     for line in provenance {
         // A section ends with a line that begins with a dollar.
@@ -96,7 +96,7 @@ fn middles(second: &SecondOrder, [a, b, c]: [u32; 3]) -> Vec<u32> {
 }
 
 /// Reads the tetrahedra of a text file of version 4.1 (of ten-node ones their corners); nodes that none of them uses are
-/// left out. The unit is the file's own. Whether they are a mesh is for [`TetMesh::check`] to say.
+/// left out. The unit is the file's own. Whether they are a mesh is for [`TetMesh::check`] to find.
 ///
 /// # Errors
 /// [`ExportError::Read`] with the line where it stops being such a file.
@@ -104,7 +104,7 @@ pub fn read(bytes: &[u8]) -> Result<TetMesh, ExportError> {
     let text = std::str::from_utf8(bytes)
         .map_err(|_| bad("it is not text; Gmsh writes text with -format msh41".into()))?;
     let mut lines = text.lines().enumerate().map(|(i, l)| (i + 1, l.trim()));
-    let mut places: HashMap<u64, Point> = HashMap::new();
+    let mut points: HashMap<u64, Point> = HashMap::new();
     let mut tets: Vec<[u64; 4]> = Vec::new();
     let mut version = false;
     while let Some((i, line)) = lines.next() {
@@ -140,7 +140,7 @@ pub fn read(bytes: &[u8]) -> Result<TetMesh, ExportError> {
                         let xyz: Vec<f64> = line.split_whitespace().filter_map(|w| w.parse().ok()).collect();
                         let xyz: [f64; 3] =
                             xyz.try_into().map_err(|_| bad(format!("line {i} has no three coordinates")))?;
-                        places.insert(tag, Point::from(xyz));
+                        points.insert(tag, Point::from(xyz));
                     }
                 }
             }
@@ -165,13 +165,13 @@ pub fn read(bytes: &[u8]) -> Result<TetMesh, ExportError> {
             _ => {}
         }
     }
-    gathered("Gmsh", &places, &tets)
+    gathered("Gmsh", &points, &tets)
 }
 
 /// A mesh from tetrahedra by their nodes' own numbers, in rising order of these.
 pub(super) fn gathered(
     format: &'static str,
-    places: &HashMap<u64, Point>,
+    points: &HashMap<u64, Point>,
     tets: &[[u64; 4]],
 ) -> Result<TetMesh, ExportError> {
     if tets.is_empty() {
@@ -182,11 +182,11 @@ pub(super) fn gathered(
     used.dedup();
     let mut nodes = Vec::with_capacity(used.len());
     for tag in &used {
-        let Some(place) = places.get(tag) else {
+        let Some(point) = points.get(tag) else {
             let what = format!("an element names node {tag}, which it does not have");
             return Err(ExportError::Read { format, what });
         };
-        nodes.push(*place);
+        nodes.push(*point);
     }
     resolution::check(format, nodes.iter().copied(), false)?;
     let number = |tag: u64| used.binary_search(&tag).unwrap_or_default() as u32;
@@ -236,15 +236,15 @@ mod tests {
 
     #[test]
     fn files_that_are_none_are_refused_with_the_line() {
-        let says = |text: &str, what: &str| {
+        let fails = |text: &str, what: &str| {
             let e = read(text.as_bytes()).unwrap_err().to_string();
             assert!(e.contains(what), "{e}");
         };
-        says("", "no tetrahedron");
-        says("$MeshFormat\n2.2 0 8\n", "version 4.1");
-        says("$Nodes\n", "before $MeshFormat");
+        fails("", "no tetrahedron");
+        fails("$MeshFormat\n2.2 0 8\n", "version 4.1");
+        fails("$Nodes\n", "before $MeshFormat");
         let whole = String::from_utf8(written(false)).unwrap();
-        says(&whole.replace("3 1 0 5", "3 1 0 500"), "whole numbers");
+        fails(&whole.replace("3 1 0 5", "3 1 0 500"), "whole numbers");
     }
 
     proptest! {

@@ -58,7 +58,7 @@ fn bad(what: String) -> ExportError {
 /// Reads a volume.
 ///
 /// # Errors
-/// [`ExportError::Read`] for what is not such a file, with the field and what it says.
+/// [`ExportError::Read`] for what is not such a file, with the field and its value.
 pub fn read(file: &[u8]) -> Result<Volume, ExportError> {
     let (header, data) = split(file)?;
     let mut lines = header.lines();
@@ -245,19 +245,19 @@ mod tests {
             ("encoding: raw", "encoding: raw\nspace origin: (0,nan,0)", "three finite numbers"),
             ("uchar", "short", "endian is `missing`"),
         ] {
-            let said = read(&file(&good.replace(from, to), &[0, 1])).unwrap_err().to_string();
-            assert!(said.contains(part), "{from} → {to}: {said}");
+            let message = read(&file(&good.replace(from, to), &[0, 1])).unwrap_err().to_string();
+            assert!(message.contains(part), "{from} → {to}: {message}");
         }
         let float = good.replace("uchar", "float").replace("sizes: 2", "endian: little\nsizes: 1");
-        let said = read(&file(&float, &f32::NAN.to_le_bytes())).unwrap_err().to_string();
-        assert!(said.contains("sample 0 is NaN"), "{said}");
+        let message = read(&file(&float, &f32::NAN.to_le_bytes())).unwrap_err().to_string();
+        assert!(message.contains("sample 0 is NaN"), "{message}");
         assert!(read(b"solid x\n\n").unwrap_err().to_string().contains("NRRD000"));
         assert!(read(b"NRRD0004\ntype: uchar").unwrap_err().to_string().contains("empty line"));
-        // What unpacks to more than it says is not unpacked.
+        // What unpacks to more than it states is not unpacked.
         let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
         std::io::Write::write_all(&mut packed, &vec![7; 100_000]).unwrap();
-        let said =
+        let message =
             read(&file(&good.replace("raw", "gzip"), &packed.finish().unwrap())).unwrap_err().to_string();
-        assert!(said.contains("3 bytes of samples, more than the 2"), "{said}");
+        assert!(message.contains("3 bytes of samples, more than the 2"), "{message}");
     }
 }

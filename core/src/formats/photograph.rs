@@ -85,7 +85,7 @@ pub fn decode(bytes: &[u8]) -> Result<Picture, String> {
     }
     let format = match Encoding::sniff(bytes) {
         Some(Encoding::Jpeg) => {
-            // The decoder fills what a cut-off file lacks with grey: nothing it says would tell.
+            // The decoder fills what a cut-off file lacks with grey: it reports no damage.
             if !is_ended(bytes) {
                 return Err("the JPEG is truncated: it has no end marker".into());
             }
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn grey_and_colour_come_through_and_damage_is_told() {
+    fn grey_and_colour_come_through_and_damage_is_reported() {
         let grey = DynamicImage::from(GrayImage::from_fn(40, 30, |x, y| image::Luma([(x * 5 + y) as u8])));
         let colour = DynamicImage::from(RgbImage::from_fn(40, 30, |x, y| image::Rgb([x as u8, y as u8, 7])));
         let p = decode(&encoded(&grey, ImageFormat::Png)).unwrap();

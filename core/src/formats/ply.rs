@@ -71,7 +71,7 @@ impl Numbers<'_> {
 }
 
 /// Reads a surface; faces with more than three corners become fans of triangles, other elements and properties are
-/// passed over. The unit is the file's own. Whether it bounds a body is for [`TriangleMesh::check`] to say.
+/// passed over. The unit is the file's own. Whether it bounds a body is for [`TriangleMesh::check`] to find.
 ///
 /// # Errors
 /// [`ExportError::Read`]: no PLY header, a coordinate that is not finite, a face that names a vertex that is not there,
@@ -237,17 +237,17 @@ mod tests {
 
     #[test]
     fn bad_files_are_refused_with_a_reason() {
-        let says = |bytes: &[u8], what: &str| {
+        let fails = |bytes: &[u8], what: &str| {
             let e = read(bytes).unwrap_err().to_string();
             assert!(e.contains(what), "{e}");
         };
-        says(b"", "cut short");
-        says(b"solid\n", "begin with `ply`");
-        says(&written()[..written().len() - 3], "cut short");
+        fails(b"", "cut short");
+        fails(b"solid\n", "begin with `ply`");
+        fails(&written()[..written().len() - 3], "cut short");
         let text = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\nnan\n";
-        says(text.as_bytes(), "not a finite");
-        says(text.replace("vertex 1", "vertex 99999999999").as_bytes(), "cut short");
-        says(text.replace("nan", "1").as_bytes(), "no triangle");
+        fails(text.as_bytes(), "not a finite");
+        fails(text.replace("vertex 1", "vertex 99999999999").as_bytes(), "cut short");
+        fails(text.replace("nan", "1").as_bytes(), "no triangle");
     }
 
     proptest! {

@@ -22,7 +22,7 @@ const STICK: f64 = 0.01;
 /// plates carry anything `CalculiX` would compare residuals with nothing.
 const FLUX: f64 = 1e-6;
 
-/// What a deck says.
+/// The contents of a deck.
 #[derive(Debug, Clone, Copy)]
 pub struct Deck<'a> {
     /// The grain, mm.

@@ -3,7 +3,7 @@
 use super::ExportError;
 use std::io::Write;
 
-/// Writes a collection of files, each with what stands for its time; `time` says what that is, and its unit.
+/// Writes a collection of files, each with what stands for its time; `time` names that, with its unit.
 ///
 /// # Errors
 /// [`ExportError::Io`].

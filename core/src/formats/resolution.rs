@@ -13,10 +13,10 @@ const LEAST_STEPS: f64 = 1000.0;
 /// coordinates there.
 pub(super) fn check(
     format: &'static str,
-    places: impl IntoIterator<Item = Point>,
+    points: impl IntoIterator<Item = Point>,
     single: bool,
 ) -> Result<(), ExportError> {
-    let Some(bounds) = Aabb::of(places) else { return Ok(()) };
+    let Some(bounds) = Aabb::of(points) else { return Ok(()) };
     let (longest, far) = (bounds.size().max(), bounds.farthest());
     let step = if single {
         let far = far as f32;
@@ -37,10 +37,10 @@ pub(super) fn check(
 ///
 /// # Errors
 /// As [`check`], where fourteen are too few.
-pub(super) fn decimals(format: &'static str, places: &[Point]) -> Result<usize, ExportError> {
+pub(super) fn decimals(format: &'static str, points: &[Point]) -> Result<usize, ExportError> {
     const USUAL: (usize, f64) = (9, 1e-9);
     const MOST: (usize, f64) = (13, 1e-13);
-    let Some(bounds) = Aabb::of(places.iter().copied()) else { return Ok(USUAL.0) };
+    let Some(bounds) = Aabb::of(points.iter().copied()) else { return Ok(USUAL.0) };
     let (longest, far) = (bounds.size().max(), bounds.farthest());
     // A thousandth of the least step that a body must have: its elements are smaller than it is.
     if far * USUAL.1 * 1e3 * LEAST_STEPS <= longest {

@@ -10,7 +10,7 @@ pub const HEADER: usize = 84;
 /// Bytes of a triangle in binary STL.
 pub const TRIANGLE: usize = 50;
 
-/// Writes binary STL. Coordinates are rounded to single precision, as the format has no other; the unit, mm, is said
+/// Writes binary STL. Coordinates are rounded to single precision, as the format has no other; the unit, mm, is stated
 /// in the header.
 ///
 /// # Errors
@@ -30,9 +30,9 @@ pub fn write_from(mesh: &TriangleMesh, source: &str, mut out: impl Write) -> Res
     resolution::check("STL", mesh.vertices.iter().copied(), true)?;
     let mut header = [b' '; 80];
     let title = b"grainrig binary STL, unit mm";
-    let said = source.chars().map(|c| if c == ' ' || c.is_ascii_graphic() { c as u8 } else { b'?' });
-    let said = title.iter().copied().chain((!source.is_empty()).then_some(b' ')).chain(said);
-    header.iter_mut().zip(said).for_each(|(slot, c)| *slot = c);
+    let named = source.chars().map(|c| if c == ' ' || c.is_ascii_graphic() { c as u8 } else { b'?' });
+    let text = title.iter().copied().chain((!source.is_empty()).then_some(b' ')).chain(named);
+    header.iter_mut().zip(text).for_each(|(slot, c)| *slot = c);
     let mut bytes = Vec::with_capacity(HEADER + TRIANGLE * mesh.triangles.len());
     bytes.extend(header);
     bytes.extend(count.to_le_bytes());
@@ -61,7 +61,7 @@ fn unfit(what: String) -> ExportError {
 
 /// Reads binary or text STL from bytes; vertices with the same coordinates become one. The unit is the file's own.
 ///
-/// Whether the triangles bound a body is for [`TriangleMesh::check`] to say.
+/// Whether the triangles bound a body is for [`TriangleMesh::check`] to find.
 ///
 /// # Errors
 /// [`ExportError::Stl`] where the bytes are not STL: too short for the triangles they announce, text that does not
@@ -170,24 +170,24 @@ mod tests {
 
     #[test]
     fn bad_files_are_refused_with_a_reason() {
-        let says = |bytes: &[u8], what: &str| {
+        let fails = |bytes: &[u8], what: &str| {
             let e = read(bytes).unwrap_err().to_string();
             assert!(e.contains(what), "{e}");
         };
-        says(&written()[..200], "cut short");
+        fails(&written()[..200], "cut short");
         let mut absurd = written();
         absurd[80..84].copy_from_slice(&u32::MAX.to_le_bytes());
-        says(&absurd, "4294967295");
+        fails(&absurd, "4294967295");
         let mut nan = written();
         nan[84 + 12..84 + 16].copy_from_slice(&f32::NAN.to_le_bytes());
-        says(&nan, "not a finite");
+        fails(&nan, "not a finite");
         let mut none = written();
         none[80..84].copy_from_slice(&0u32.to_le_bytes());
         none.truncate(84);
-        says(&none, "no triangle");
+        fails(&none, "no triangle");
         assert!(read(b"").is_err());
         assert!(read(b"solid").is_err());
-        says(b"solid nothing\nendsolid nothing\n", "");
+        fails(b"solid nothing\nendsolid nothing\n", "");
     }
 
     #[test]

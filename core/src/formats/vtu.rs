@@ -41,21 +41,21 @@ pub fn write(
     grid((&mesh.nodes, &mesh.tets, VTK_TETRA), &[], on_nodes, on_cells, out)
 }
 
-/// The same, with lines that say what it is as a comment.
+/// The same, with a comment of these lines.
 ///
 /// # Errors
 /// As [`write()`].
-pub fn write_told(
+pub fn write_commented(
     mesh: &TetMesh,
-    told: &[String],
+    comment: &[String],
     on_nodes: &[Column],
     on_cells: &[Column],
     out: impl Write,
 ) -> Result<(), ExportError> {
-    grid((&mesh.nodes, &mesh.tets, VTK_TETRA), told, on_nodes, on_cells, out)
+    grid((&mesh.nodes, &mesh.tets, VTK_TETRA), comment, on_nodes, on_cells, out)
 }
 
-/// Writes a mesh alone, with lines that say where it comes from as a comment.
+/// Writes a mesh alone, with its origin as a comment.
 ///
 /// # Errors
 /// [`ExportError::Io`].
@@ -72,13 +72,13 @@ pub fn write_second(mesh: &SecondOrder, provenance: &[String], out: impl Write) 
 }
 
 fn grid<const N: usize>(
-    (places, elements, kind): (&[Point], &[[u32; N]], u8),
+    (points, elements, kind): (&[Point], &[[u32; N]], u8),
     provenance: &[String],
     on_nodes: &[Column],
     on_cells: &[Column],
     mut out: impl Write,
 ) -> Result<(), ExportError> {
-    let (nodes, cells) = (places.len(), elements.len());
+    let (nodes, cells) = (points.len(), elements.len());
     for (columns, count, what) in [(on_nodes, nodes, "nodes"), (on_cells, cells, "cells")] {
         for c in columns {
             if c.components == 0 || c.values.len() != c.components * count {
@@ -108,8 +108,8 @@ fn grid<const N: usize>(
     writeln!(out, "<UnstructuredGrid>")?;
     writeln!(out, "<Piece NumberOfPoints=\"{nodes}\" NumberOfCells=\"{cells}\">")?;
     writeln!(out, "<Points>")?;
-    let places = places.iter().flat_map(|p| [p.x, p.y, p.z]).flat_map(f64::to_le_bytes);
-    array(&mut out, "Float64", "Points", 3, places)?;
+    let points = points.iter().flat_map(|p| [p.x, p.y, p.z]).flat_map(f64::to_le_bytes);
+    array(&mut out, "Float64", "Points", 3, points)?;
     writeln!(out, "</Points>\n<Cells>")?;
     let connectivity = elements.iter().flatten().flat_map(|n| i64::from(*n).to_le_bytes());
     array(&mut out, "Int64", "connectivity", 1, connectivity)?;

@@ -28,7 +28,7 @@ impl Aabb {
     pub fn size(&self) -> Vector {
         self.max - self.min
     }
-    /// The greatest coordinate of any of its places, whatever its sign, mm.
+    /// The greatest coordinate of any of its points, whatever its sign, mm.
     pub fn farthest(&self) -> f64 {
         self.min.coords.amax().max(self.max.coords.amax())
     }

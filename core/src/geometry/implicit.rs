@@ -2,7 +2,7 @@
 
 use super::{Aabb, Point};
 
-/// A body known by a distance-like function of the place.
+/// A body known by a distance-like function of the point.
 pub trait ImplicitBody: Sync {
     /// Negative inside, zero on the surface, positive outside; near the surface about the distance in mm.
     fn value(&self, p: &Point) -> f64;

@@ -14,7 +14,7 @@ pub use implicit::{Ball, ImplicitBody};
 pub use projection::Projection;
 pub use triangles::{MeshFault, TriangleMesh};
 
-/// A place in the world, in mm.
+/// A point in the world, in mm.
 pub type Point = nalgebra::Point3<f64>;
 /// A displacement in the world, in mm.
 pub type Vector = nalgebra::Vector3<f64>;

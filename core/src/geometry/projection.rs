@@ -13,19 +13,19 @@ pub struct Projection {
 }
 
 impl Projection {
-    /// From a matrix whose sign gives `w > 0` at places in front of the camera.
+    /// From a matrix whose sign gives `w > 0` at points in front of the camera.
     pub fn new(matrix: Matrix3x4<f64>) -> Self {
         Self { matrix }
     }
 
-    /// Column and row of a place in the picture, in pixels; `None` at or behind the camera.
+    /// Column and row of a point in the picture, in pixels; `None` at or behind the camera.
     #[inline]
     pub fn project(&self, p: &Point) -> Option<[f64; 2]> {
         let h = self.matrix * Vector4::new(p.x, p.y, p.z, 1.0);
         (h.z > 0.0).then(|| [h.x / h.z, h.y / h.z])
     }
 
-    /// The most pixels that a displacement of 1 mm at `p` can move the picture of a place (the greatest
+    /// The most pixels that a displacement of 1 mm at `p` can move the picture of a point (the greatest
     /// singular value of the derivative), pixels per mm. `None` at or behind the camera.
     pub fn px_per_mm(&self, p: &Point) -> Option<f64> {
         let [u, v] = self.project(p)?;
@@ -44,7 +44,7 @@ impl Projection {
         Some((half + (0.25 * (aa - bb).powi(2) + ab * ab).sqrt()).sqrt())
     }
 
-    /// The ray of a place in the picture: a place on it, and its unit direction (either way along it). `None` where
+    /// The ray of a point in the picture: a point on it, and its unit direction (either way along it). `None` where
     /// the matrix sees no such ray.
     pub fn line_of_sight(&self, [column, row]: [f64; 2]) -> Option<(Point, Vector)> {
         let m = &self.matrix;

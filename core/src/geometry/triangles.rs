@@ -6,7 +6,7 @@ use std::collections::HashMap;
 /// A surface of triangles that share vertices; counter-clockwise seen from outside.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TriangleMesh {
-    /// Places, mm.
+    /// Points, mm.
     pub vertices: Vec<Point>,
     /// Vertex numbers of each triangle.
     pub triangles: Vec<[u32; 3]>,

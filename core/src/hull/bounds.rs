@@ -1,4 +1,4 @@
-//! A box around the hull before any grid exists.
+//! Bounding box of the hull, by coarse carving before any grid exists.
 
 use super::{Cone, HullError, cone::Side};
 use crate::geometry::{Aabb, Point, Vector};
@@ -11,7 +11,7 @@ const DOUBLINGS: usize = 6;
 /// How often the box is tightened.
 const TIGHTENINGS: usize = 3;
 
-/// The box of the hull, found by coarse carving: a cube about the place that the views look at, doubled until
+/// The box of the hull, found by coarse carving: a cube about the point that the views look at, doubled until
 /// the hull does not touch it, then tightened.
 ///
 /// # Errors
@@ -55,8 +55,8 @@ fn middle(c: &Cone) -> [f64; 2] {
     [s.origin[0] as f64 + 0.5 * s.size[0] as f64, s.origin[1] as f64 + 0.5 * s.size[1] as f64]
 }
 
-/// The place nearest (least squares) to the rays through the silhouettes' middles; `None` where the rays are
-/// parallel, so that no such place is singled out.
+/// The point nearest (least squares) to the rays through the silhouettes' middles; `None` where the rays are
+/// parallel, so that no such point is singled out.
 fn looked_at(cones: &[Cone], middles: &[[f64; 2]]) -> Option<Point> {
     let mut a = Matrix3::zeros();
     let mut b = Vector3::zeros();
@@ -66,7 +66,7 @@ fn looked_at(cones: &[Cone], middles: &[[f64; 2]]) -> Option<Point> {
         a += across;
         b += across * p.coords;
     }
-    // One eigenvalue near zero: a single direction of view. Any place along it serves for a first box.
+    // One eigenvalue near zero: a single direction of view. Any point along it serves for a first box.
     let regularised = a + Matrix3::identity() * (1e-9 * a.trace());
     regularised.try_inverse().map(|inverse| Point::from(inverse * b))
 }

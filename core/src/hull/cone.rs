@@ -1,17 +1,17 @@
-//! One view's cone: everything that projects into its silhouette.
+//! Viewing cone of one view: all points that project into its silhouette.
 
 use crate::geometry::{Point, Projection, Vector};
 use crate::silhouette::Silhouette;
 use std::sync::Arc;
 
-/// The value of a place that the camera can't see at all, mm: outside, whatever the other views say.
+/// The value of a point that the camera can't see at all, mm: outside, whatever the other views.
 const BEHIND_MM: f64 = 1e6;
 
 /// How much the interpolated distance field may differ from a true distance, pixels: bilinear interpolation of
 /// a distance errs by less than the pixel's half diagonal where the outline's skeleton runs.
 const FIELD_SLACK_PX: f64 = 0.75;
 
-/// The nearest part of a box may be at this part of its centre's depth: nearer, its picture says little.
+/// The nearest part of a box may be at this part of its centre's depth: nearer, its picture bounds little.
 const LEAST_DEPTH: f64 = 0.1;
 
 /// A view's camera and silhouette.
@@ -39,7 +39,7 @@ pub(super) enum Side {
 pub(super) struct Spot {
     /// Column and row of the picture of its centre.
     pub(super) center_px: [f64; 2],
-    /// No place of the box is seen farther from the centre's picture than this, pixels.
+    /// No point of the box is seen farther from the centre's picture than this, pixels.
     pub(super) reach_px: f64,
 }
 
@@ -67,7 +67,7 @@ impl Cone {
     }
 
     /// Signed distance to the cone, mm: the distance in the picture over the local scale. Negative inside;
-    /// places outside the picture or behind the camera are outside.
+    /// points outside the picture or behind the camera are outside.
     #[inline]
     pub fn value_mm(&self, p: &Point) -> f64 {
         let (Some(q), Some(scale)) = (self.projection.project(p), self.px_per_mm(p)) else {
@@ -102,7 +102,7 @@ impl Cone {
         Some(Spot { center_px, reach_px: farthest.sqrt() / least })
     }
 
-    /// Where the box of half edges `half` about `center` lies: sound, not sharp (`Across` may be said too often).
+    /// Where the box of half edges `half` about `center` lies: sound, not sharp (`Across` may be returned too often).
     #[inline]
     pub(super) fn side_of_box(&self, center: &Point, half: &Vector) -> Side {
         let Some(spot) = self.spot(center, half) else { return Side::Across };

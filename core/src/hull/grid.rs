@@ -1,4 +1,4 @@
-//! The standing hull on a grid of blocks: views are added one by one or together, in any order.
+//! Space carving on a sparse block grid: views are added one by one or together, in any order.
 
 use super::cone::Side;
 use super::{Cone, HullError};
@@ -16,13 +16,13 @@ pub(super) const BLOCKS: usize = R * R * R;
 /// The most cells along an edge: 1024³ cells of mixed blocks stay far below a laptop's memory, since only
 /// blocks at the surface hold values.
 pub const MAX_CELLS: usize = 1200;
-/// How often progress is told.
+/// How often progress is reported.
 const STEPS: usize = 16;
 
 /// What is known of a block of 8³ lattice points.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Block {
-    /// All points, and those one cell around, are outside: some view says so for the whole block.
+    /// All points, and those one cell around, are outside: some view excludes the whole block.
     Outside,
     /// All points, and those one cell around, are inside every view so far.
     Inside,
@@ -91,12 +91,12 @@ impl HullGrid {
         let groups_along = blocks_along.map(|n| n.div_ceil(R));
         // Groups at the end may reach beyond the box: what they have there is outside.
         let group = |n: usize| {
-            let at = place(n, groups_along).map(|x| R * x);
+            let at = unravel(n, groups_along).map(|x| R * x);
             if (0..3).all(|k| at[k] + R <= blocks_along[k]) {
                 return Group::Inside;
             }
             Group::Split(Box::new(std::array::from_fn(|b| {
-                let within = place(b, [R; 3]).iter().zip(at).zip(blocks_along).all(|((x, a), n)| a + x < n);
+                let within = unravel(b, [R; 3]).iter().zip(at).zip(blocks_along).all(|((x, a), n)| a + x < n);
                 if within { Block::Inside } else { Block::Outside }
             })))
         };
@@ -115,14 +115,14 @@ impl HullGrid {
     }
 
     /// Carves by several views at once, which gives the same grid as one after the other, and sooner: no block is
-    /// evaluated that any of them removes. `progress` is told the part that is done, 0 to 1.
+    /// evaluated that any of them removes. `progress` is called with the part that is done, 0 to 1.
     pub fn carve_all(&mut self, cones: &[Cone], progress: &mut dyn FnMut(f64)) {
         let (groups, along, origin, pitch_mm) =
             (self.groups.len(), self.groups_along, self.origin, self.pitch_mm);
         let some = groups.div_ceil(STEPS).max(1);
         for (step, part) in self.groups.chunks_mut(some).enumerate() {
             part.par_iter_mut().enumerate().for_each_init(Vec::new, |across, (n, group)| {
-                let at = place(step * some + n, along).map(|x| (R * B * x) as f64);
+                let at = unravel(step * some + n, along).map(|x| (R * B * x) as f64);
                 carve_group(group, &(origin + Vector::from(at) * pitch_mm), pitch_mm, cones, across);
             });
             progress(((step + 1) * some).min(groups) as f64 / groups as f64);
@@ -147,7 +147,7 @@ impl HullGrid {
         VoxelCount { voxels, voxel_mm: self.pitch_mm, volume_mm3: voxels as f64 * self.pitch_mm.powi(3) }
     }
 
-    /// The block at a place, counted in blocks along x, y and z.
+    /// The block at an index, counted in blocks along x, y and z.
     pub(super) fn block(&self, at: [usize; 3]) -> &Block {
         let [nx, ny, nz] = self.groups_along;
         let [x, y, z] = at.map(|i| i / R);
@@ -185,8 +185,8 @@ impl HullGrid {
     }
 }
 
-/// Where number `n` of a box of `along` things is, `[x, y, z]`; x varies fastest.
-pub(super) fn place(n: usize, along: [usize; 3]) -> [usize; 3] {
+/// The index `[x, y, z]` of element `n` of an array of `along` elements along each axis; x varies fastest.
+pub(super) fn unravel(n: usize, along: [usize; 3]) -> [usize; 3] {
     [n % along[0], n / along[0] % along[1], n / along[0] / along[1]]
 }
 
@@ -197,8 +197,8 @@ fn half(points: usize, pitch_mm: f64) -> Vector {
 
 /// Carves a group, whose first point is `first`. `across` keeps the views that cross it, and their blocks.
 ///
-/// A block is outside when a view says so of it or of its group; otherwise it holds the distances of the views that
-/// cross both. Neither depends on what other views say, so views may come in any order.
+/// A block is outside when a view excludes it or its group; otherwise it holds the distances of the views that
+/// cross both. Neither depends on the other views, so views may come in any order.
 fn carve_group(
     group: &mut Group,
     first: &Point,
@@ -224,7 +224,7 @@ fn carve_group(
             }
         }
     }
-    let corner = |b: usize| first + Vector::from(place(b, [R; 3]).map(|x| (B * x) as f64)) * pitch_mm;
+    let corner = |b: usize| first + Vector::from(unravel(b, [R; 3]).map(|x| (B * x) as f64)) * pitch_mm;
     let to_middle = Vector::repeat(0.5 * (B - 1) as f64 * pitch_mm);
     for (k, crossed) in across.iter_mut() {
         for b in bits(alive) {

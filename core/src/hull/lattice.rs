@@ -1,4 +1,4 @@
-//! One view's distances at the lattice points of a block.
+//! One view's signed distances at the lattice points of a block, mm.
 
 use super::Cone;
 use super::grid::{B, POINTS};
@@ -9,14 +9,14 @@ use crate::silhouette::Silhouette;
 const PLANE: usize = B * B;
 /// Added to a number below 2²², this leaves the nearest whole number: a float of that size has no fraction.
 const WHOLE: f32 = 12_582_912.0;
-/// A block that is seen larger than this is done in double precision, place by place.
+/// A block that is seen larger than this is done in double precision, point by point.
 const MOST_REACH_PX: f64 = 1000.0;
 
 impl Cone {
     /// Raises each value of a block to this view's signed distance (mm) there, where that is greater.
     ///
-    /// `[z, y, x]`, the first at `first`, `pitch_mm` apart. What a view says of a place depends on the view, the
-    /// place and its block alone, so neither the views' order nor the threads change a bit. The distance in the
+    /// `[z, y, x]`, the first at `first`, `pitch_mm` apart. The value of a view at a point depends on the view, the
+    /// point and its block alone, so neither the views' order nor the threads change a bit. The distance in the
     /// picture is exact to 1e-4 px where the block is seen smaller than 100 px; the scale varies with the depth and
     /// is otherwise taken at the block's centre, which moves no zero.
     pub(super) fn raise(&self, first: &Point, pitch_mm: f64, values: &mut [f32; POINTS]) {
@@ -86,7 +86,7 @@ impl Rows {
     }
 
     /// The values, a plane at a time. `WITHIN`: the block's picture lies within the silhouette's rectangle, so that
-    /// no place needs to be held to it.
+    /// no point needs to be held to it.
     fn raise<const WITHIN: bool>(&self, s: &Silhouette, values: &mut [f32; POINTS]) {
         let width = s.size[0];
         let wide = width as f32;
@@ -100,7 +100,7 @@ impl Rows {
         for (z, plane) in values.chunks_exact_mut(PLANE).enumerate() {
             let (mut part_x, mut part_y) = ([0f32; PLANE], [0f32; PLANE]);
             let (mut scale, mut away2) = ([0f32; PLANE], [0f32; PLANE]);
-            let mut place = [0i32; PLANE];
+            let mut offset = [0i32; PLANE];
             for y in 0..B {
                 let start: [f32; 3] = std::array::from_fn(|i| {
                     (self.start[i] + self.steps[1][i] * y as f64 + self.steps[2][i] * z as f64) as f32
@@ -123,13 +123,13 @@ impl Rows {
                     }
                     part_x[k] = u - i;
                     part_y[k] = v - j;
-                    place[k] = (j * wide + i) as i32;
+                    offset[k] = (j * wide + i) as i32;
                     scale[k] = w * self.mm_per_px;
                 }
             }
             let mut corners = [[0f32; PLANE]; 4];
             for k in 0..PLANE {
-                let at = base.wrapping_add_signed(place[k] as isize);
+                let at = base.wrapping_add_signed(offset[k] as isize);
                 let (top, low) = (&d[at..at + 2], &d[at + width..at + width + 2]);
                 corners[0][k] = top[0];
                 corners[1][k] = top[1];

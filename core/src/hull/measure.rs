@@ -1,9 +1,9 @@
-//! Volume, area and box of the standing hull, by marching tetrahedra.
+//! Volume, area and box of the carved grid, by marching tetrahedra.
 //!
 //! Each cell is cut into six tetrahedra about its diagonal (Freudenthal), in which the distance is taken as
 //! linear: the surface is watertight and the volume and area converge with the square of the pitch.
 
-use super::grid::{B, BLOCKS, Block, Group, HullGrid, POINTS, R, place};
+use super::grid::{B, BLOCKS, Block, Group, HullGrid, POINTS, R, unravel};
 use crate::geometry::{Aabb, Point, Vector};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -92,14 +92,14 @@ impl HullGrid {
             }
             Group::Split(blocks) => blocks,
         };
-        let first = place(n, self.groups_along);
+        let first = unravel(n, self.groups_along);
         let mut corners = [0f32; E * E * E];
         for (b, block) in blocks.iter().enumerate() {
             match block {
                 Block::Outside => {}
                 Block::Inside => sum.volume += POINTS as f64,
                 Block::Mixed(_) => {
-                    let within = place(b, [R; 3]);
+                    let within = unravel(b, [R; 3]);
                     let at = [0, 1, 2].map(|k| R * first[k] + within[k]);
                     self.corners_of(at, &mut corners);
                     let mut own = Sum::NOTHING;
@@ -149,17 +149,17 @@ fn measure_cell(v: &[f64; 8], at: [f64; 3], sum: &mut Sum, emit: &mut impl FnMut
     for t in TETRAHEDRA {
         let signs = t.iter().enumerate().fold(0, |bits, (k, i)| bits | usize::from(v[*i] < 0.0) << k);
         let order = INSIDE_FIRST[signs].map(|k| t[k]);
-        // The part of the edge from corner a to corner b that lies before the surface, and the place there.
+        // The part of the edge from corner a to corner b that lies before the surface, and the point there.
         let cut = |a: usize, b: usize| {
             let (from, to) = (order[a], order[b]);
             let part = v[from] / (v[from] - v[to]);
-            let place = [0, 1, 2].map(|k| {
+            let point = [0, 1, 2].map(|k| {
                 let (p, q) = ((from >> k & 1) as f64, (to >> k & 1) as f64);
                 at[k] + (p + (q - p) * part)
             });
-            (part, place)
+            (part, point)
         };
-        let (part, places, count) = match signs.count_ones() {
+        let (part, points, count) = match signs.count_ones() {
             0 => continue,
             1 => {
                 let [a, b, c] = [cut(0, 1), cut(0, 2), cut(0, 3)];
@@ -181,12 +181,12 @@ fn measure_cell(v: &[f64; 8], at: [f64; 3], sum: &mut Sum, emit: &mut impl FnMut
         };
         sum.volume += part / 6.0;
         for k in 2..count {
-            let [p, q, r] = [places[0], places[k - 1], places[k]].map(Vector::from);
+            let [p, q, r] = [points[0], points[k - 1], points[k]].map(Vector::from);
             sum.area += 0.5 * (q - p).cross(&(r - p)).norm();
-            emit([places[0], places[k - 1], places[k]]);
+            emit([points[0], points[k - 1], points[k]]);
         }
-        for place in places {
-            sum.add(&Sum { low: place, high: place, ..Sum::NOTHING });
+        for point in points {
+            sum.add(&Sum { low: point, high: point, ..Sum::NOTHING });
         }
     }
 }

@@ -1,7 +1,21 @@
 //! The visual hull: the largest body that all silhouettes allow, and its measures.
 //!
-//! A place belongs to the hull when every view sees it inside the silhouette. The hull is the intersection of
+//! A point belongs to the hull when every view sees it inside the silhouette. The hull is the intersection of
 //! the views' cones (Laurentini 1994), an upper bound of the grain: what no view can see stays filled.
+//!
+//! ```text
+//! H = ∩ᵢ { p : dᵢ(πᵢ(p)) < 0 },   f(p) = maxᵢ dᵢ(πᵢ(p))/sᵢ(p)
+//! ```
+//!
+//! πᵢ is view i's projection, dᵢ the signed distance from its outline (px, negative inside) and sᵢ its scale at p (px/mm): f is
+//! negative in the hull and about the distance from it, mm, near its surface. Of a ball before N parallel views spread evenly
+//! over half a turn each slice is a regular polygon of 2N sides about a circle, so the hull is too large by
+//!
+//! ```text
+//! V_H/V = (2N/π) tan(π/2N):   N = 4: 5.5 %,  12: 0.58 %,  25: 0.13 %,  36: 0.06 %
+//! ```
+//!
+//! Of a grain with hollows it is more, and not less with more views about the same axis: see [`estimate`].
 //! [`HullGrid`] takes views before any camera, one by one; [`slices`] is exact before level parallel rays.
 
 mod bounds;
@@ -21,7 +35,7 @@ pub use reproject::silhouette_iou;
 
 use crate::geometry::{Aabb, ImplicitBody, Point};
 
-/// The hull as a function of the place, without a grid: the greatest signed distance over the views.
+/// The hull as a function of the point, without a grid: the greatest signed distance over the views.
 #[derive(Debug, Clone)]
 pub struct VisualHull {
     /// The views.

@@ -1,4 +1,4 @@
-//! The hull seen again by a camera: how well it fills the silhouette that carved it.
+//! Reprojection of the hull: intersection over union with the silhouette that carved it.
 
 use super::Cone;
 use crate::geometry::{Aabb, Point};

@@ -87,7 +87,7 @@ fn all_bits(grid: &HullGrid) -> Vec<u32> {
     let [nx, ny, nz] = grid.groups_along.map(|n| n * grid::R);
     let mut out = Vec::new();
     for n in 0..nx * ny * nz {
-        match grid.block(grid::place(n, [nx, ny, nz])) {
+        match grid.block(grid::unravel(n, [nx, ny, nz])) {
             grid::Block::Outside => out.push(0),
             grid::Block::Inside => out.push(1),
             grid::Block::Mixed(values) => out.extend(values.iter().map(|v| v.to_bits())),
@@ -109,7 +109,7 @@ fn neither_order_nor_batches_nor_threads_change_a_bit_and_views_only_remove() {
             assert!(v <= last, "{v} {last}");
             last = v;
         }
-        let told = (all_bits(&forward), forward.measures(), forward.count_voxels());
+        let one_by_one = (all_bits(&forward), forward.measures(), forward.count_voxels());
         for threads in 1..=3 {
             rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
                 let mut backward = new();
@@ -121,8 +121,8 @@ fn neither_order_nor_batches_nor_threads_change_a_bit_and_views_only_remove() {
                 parts.carve_all(others, &mut |_| {});
                 parts.carve_all(some, &mut |_| {});
                 for grid in [&backward, &together, &parts] {
-                    assert!(*grid == forward && all_bits(grid) == told.0, "{threads} threads");
-                    assert_eq!((grid.measures(), grid.count_voxels()), (told.1, told.2));
+                    assert!(*grid == forward && all_bits(grid) == one_by_one.0, "{threads} threads");
+                    assert_eq!((grid.measures(), grid.count_voxels()), (one_by_one.1, one_by_one.2));
                 }
             });
         }
@@ -135,13 +135,13 @@ fn a_blocks_values_are_the_views_distances_wherever_its_picture_lies() {
     for cone in odd_views().iter().chain(&ball_views(60.0, 2, None)) {
         let center = Point::new(0.0, 0.0, 0.0);
         for n in 0..343 {
-            let at = grid::place(n, [7; 3]).map(|x| 0.09 * (x as f64 - 3.0));
+            let at = grid::unravel(n, [7; 3]).map(|x| 0.09 * (x as f64 - 3.0));
             for pitch in [0.002, 0.011, 0.05] {
                 let first = center + crate::geometry::Vector::from(at);
                 let mut values = [f32::NEG_INFINITY; grid::POINTS];
                 cone.raise(&first, pitch, &mut values);
                 for (k, value) in values.iter().enumerate() {
-                    let step = grid::place(k, [grid::B; 3]).map(|x| x as f64 * pitch);
+                    let step = grid::unravel(k, [grid::B; 3]).map(|x| x as f64 * pitch);
                     let exact = cone.value_mm(&(first + crate::geometry::Vector::from(step)));
                     // 1e-4 px of 5 µm; the scale within the block is that of its centre to 1 %.
                     let off = (f64::from(*value) - exact).abs();

@@ -54,7 +54,7 @@ impl Background {
         let mut at: Vec<[i32; 3]> = Vec::with_capacity(3 * tree.leaves.len());
         let mut values = Vec::new();
         let mut halves = Vec::new();
-        // What a cube says of its corners: inside, as it lies deep below the surface, or nothing.
+        // A cube's bound on its corners: inside, as it lies deep below the surface, or nothing.
         let deep = |leaf: &Leaf| {
             let width = 2.0 * f64::from(leaf.half) * tree.unit_mm;
             body.steepness().is_some_and(|s| leaf.value < -s * width)
@@ -95,17 +95,17 @@ impl Background {
             tets: Vec::new(),
         };
         values.par_iter_mut().enumerate().filter(|(_, v)| v.is_nan()).for_each(|(p, v)| {
-            *v = body.value(&background.place(p as u32));
+            *v = body.value(&background.position(p as u32));
         });
         if let Some(p) = values.iter().position(|v| v.is_nan() || *v == f64::INFINITY) {
-            return Err(MeshError::NotFinite(background.place(p as u32), values[p]));
+            return Err(MeshError::NotFinite(background.position(p as u32), values[p]));
         }
         let room = body.bounds().grown(0.5 * tree.unit_mm);
         let beyond = |p: &Point| (0..3).any(|k| p[k] < room.min[k] || p[k] > room.max[k]);
         let outside =
-            (0..values.len() as u32).find(|&p| values[p as usize] < 0.0 && beyond(&background.place(p)));
+            (0..values.len() as u32).find(|&p| values[p as usize] < 0.0 && beyond(&background.position(p)));
         if let Some(p) = outside {
-            return Err(MeshError::Unbounded(background.place(p)));
+            return Err(MeshError::Unbounded(background.position(p)));
         }
         let tets: Vec<Vec<[u32; 4]>> = tree
             .leaves
@@ -128,7 +128,7 @@ impl Background {
     }
 
     /// Where a point lies.
-    pub(super) fn place(&self, point: u32) -> Point {
+    pub(super) fn position(&self, point: u32) -> Point {
         self.origin + Vector::from(self.at[point as usize].map(f64::from)) * self.unit_mm
     }
 
@@ -170,7 +170,7 @@ impl Points {
                 if s < 0 && !graded {
                     continue;
                 }
-                // A place relative to the centre: along the face's normal, and along the face.
+                // A point relative to the centre: along the face's normal, and along the face.
                 let rel = |n: i32, a: i32, b: i32| {
                     let mut at = c;
                     at[d] += n;
@@ -275,7 +275,7 @@ mod tests {
         );
         // Values inside everywhere: every tetrahedron of the grid is kept.
         let background = Background::new(&Everywhere(1e-3), &tree).unwrap();
-        let nodes: Vec<Point> = (0..background.len() as u32).map(|p| background.place(p)).collect();
+        let nodes: Vec<Point> = (0..background.len() as u32).map(|p| background.position(p)).collect();
         let mesh = TetMesh::new(nodes, background.tets.clone());
         for t in 0..mesh.tets.len() {
             let p = mesh.corners(t);

@@ -1,5 +1,17 @@
-//! The three controls of a mesh, which are promises.
+//! The controls of a mesh, which are promises: facet size, facet angle, cell size, distance.
+//!
+//! ```text
+//! facet (a ≤ b ≤ c, area A):   R = abc/(4A) ≤ surface_size_mm       (size_at_contact_mm where plates will touch)
+//!                              sin α = a/(2R) = 2A/(bc) ≥ sin facet_angle_deg
+//! cell (volume V):             V ≤ tet_volume_mm3
+//! surface:                     |f| at the facets' corners, edge middles and centres ≤ distance_mm,
+//!                              distance of points of the body's surface from the facets ≤ distance_mm
+//! ```
+//!
+//! These are the criteria of Delaunay refinement (Boissonnat and Oudot, Graph. Models 67, 2005: angle, size and distance of a
+//! facet; size of a cell), checked here on the finished mesh. The method of Nadimi and Fonseca (2017) states the first three.
 
+use super::broken::BrokenControl;
 use super::{MeshError, Quality};
 use serde::{Deserialize, Serialize};
 
@@ -25,53 +37,13 @@ pub struct Controls {
     /// Largest distance between the mesh's surface and the body's, either way, mm; `None`: not promised.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distance_mm: Option<f64>,
-    /// Largest circumradius of a surface facet where plates will touch the body, at its lowest and highest places in z,
+    /// Largest circumradius of a surface facet where plates will touch the body, at its lowest and highest points in z,
     /// mm; from there the elements grow into the body. `None`: as everywhere.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub size_at_contact_mm: Option<f64>,
-    /// How far below the highest and above the lowest place the contacts reach, mm; `None`: 2 % of the height.
+    /// How far below the highest and above the lowest point the contacts reach, mm; `None`: 2 % of the height.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub contact_depth_mm: Option<f64>,
-}
-
-/// A figure as people read it.
-fn figure(x: f64) -> String {
-    if (0.01..1e4).contains(&x.abs()) { format!("{x:.4}") } else { format!("{x:.3e}") }
-}
-
-/// A control that the mesh does not keep.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[error(
-    "{name} = {} {unit} could not be kept: the last mesh tried has {} {unit} ({what}); {remedy}",
-    figure(*promised), figure(*reached)
-)]
-pub struct Broken {
-    /// The control.
-    pub name: &'static str,
-    /// What was asked for.
-    pub promised: f64,
-    /// What the mesh has.
-    pub reached: f64,
-    /// The unit of both.
-    pub unit: &'static str,
-    /// What was measured.
-    pub what: &'static str,
-    /// What to change.
-    pub remedy: &'static str,
-}
-
-impl Broken {
-    /// Makes the next attempt's spacings (surface, contact, volume) finer, each a factor of what it was.
-    pub(super) fn refine(&self, finer: &mut [f64; 3]) {
-        match self.name {
-            "facet_angle_deg" => finer.iter_mut().for_each(|f| *f *= 0.97),
-            "tet_volume_mm3" => finer[2] *= 0.98 * (self.promised / self.reached).cbrt(),
-            // Between flat pieces the distance falls with the size, on curved ones with its square.
-            "distance_mm" => finer[0] *= 0.95 * (self.promised / self.reached).powf(0.7),
-            "size_at_contact_mm" => finer[1] *= 0.98 * self.promised / self.reached,
-            _ => finer[0] *= 0.98 * self.promised / self.reached,
-        }
-    }
 }
 
 impl Controls {
@@ -135,9 +107,9 @@ impl Controls {
     }
 
     /// The promised distance, where the largest distance breaks it.
-    pub(super) fn too_far(&self, reached: f64) -> Option<Broken> {
+    pub(super) fn too_far(&self, reached: f64) -> Option<BrokenControl> {
         let promised = self.distance_mm.filter(|promised| reached > *promised)?;
-        Some(Broken {
+        Some(BrokenControl {
             name: "distance_mm",
             promised,
             reached,
@@ -148,9 +120,9 @@ impl Controls {
     }
 
     /// The first control that a mesh of this quality breaks, whose largest facet at the contacts has this circumradius.
-    pub(super) fn broken_by(&self, quality: &Quality, at_contact_mm: Option<f64>) -> Option<Broken> {
+    pub(super) fn broken_by(&self, quality: &Quality, at_contact_mm: Option<f64>) -> Option<BrokenControl> {
         if quality.facet_circumradius_mm > self.surface_size_mm {
-            return Some(Broken {
+            return Some(BrokenControl {
                 name: "surface_size_mm",
                 promised: self.surface_size_mm,
                 reached: quality.facet_circumradius_mm,
@@ -162,7 +134,7 @@ impl Controls {
         if let (Some(promised), Some(reached)) = (self.size_at_contact_mm, at_contact_mm)
             && reached > promised
         {
-            return Some(Broken {
+            return Some(BrokenControl {
                 name: "size_at_contact_mm",
                 promised,
                 reached,
@@ -172,7 +144,7 @@ impl Controls {
             });
         }
         if quality.tet_volume_mm3 > self.tet_volume_mm3 {
-            return Some(Broken {
+            return Some(BrokenControl {
                 name: "tet_volume_mm3",
                 promised: self.tet_volume_mm3,
                 reached: quality.tet_volume_mm3,
@@ -181,7 +153,7 @@ impl Controls {
                 remedy: "set it larger",
             });
         }
-        (quality.facet_angle_deg < self.facet_angle_deg).then_some(Broken {
+        (quality.facet_angle_deg < self.facet_angle_deg).then_some(BrokenControl {
             name: "facet_angle_deg",
             promised: self.facet_angle_deg,
             reached: quality.facet_angle_deg,

@@ -1,11 +1,11 @@
-//! Whether a surface cuts or touches itself.
+//! Self-intersection of a surface, by exact predicates.
 
 use super::solid::Solid;
 use crate::geometry::Point;
 use rayon::prelude::*;
 use robust::{Coord3D, orient3d};
 
-/// On which side of the plane of a triangle a place lies: the sign is exact (Shewchuk 1997).
+/// On which side of the plane of a triangle a point lies: the sign is exact (Shewchuk 1997).
 fn side([a, b, c]: &[Point; 3], d: &Point) -> f64 {
     let [a, b, c, d] = [a, b, c, d].map(|p| Coord3D { x: p.x, y: p.y, z: p.z });
     orient3d(a, b, c, d)

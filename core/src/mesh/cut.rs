@@ -66,7 +66,7 @@ impl Field {
             .into_par_iter()
             .map(|edge| {
                 let (inside, outside) = ((edge >> 32) as u32, edge as u32);
-                let (p, q) = (background.place(inside), background.place(outside));
+                let (p, q) = (background.position(inside), background.position(outside));
                 let deep = values[inside as usize];
                 // Deep inside only the sign is known so far.
                 let deep = if deep.is_finite() { deep } else { body.value(&p) };
@@ -89,8 +89,8 @@ impl Field {
         self.cuts.len()
     }
 
-    /// Where the cuts are: places on the body's surface.
-    pub(super) fn places(&self) -> Vec<Point> {
+    /// Where the cuts are: points on the body's surface.
+    pub(super) fn surface_points(&self) -> Vec<Point> {
         self.cuts.iter().map(|c| self.on_edge(*c, c.t)).collect()
     }
 
@@ -124,7 +124,7 @@ impl Field {
         let mut near: Vec<(f64, u32, u32)> = Vec::new();
         for (i, c) in self.cuts.iter().enumerate() {
             let part = if self.background.is_axial(c.inside, c.outside) { WARP_LONG } else { WARP_SHORT };
-            let (p, q) = (self.background.place(c.inside), self.background.place(c.outside));
+            let (p, q) = (self.background.position(c.inside), self.background.position(c.outside));
             for (point, t) in [(c.inside, c.t), (c.outside, 1.0 - c.t)] {
                 // Where cubes of two widths meet, the smaller one bounds how far a point may go.
                 let usual = if part == WARP_LONG { 1.0 } else { 0.75f64.sqrt() };
@@ -145,7 +145,7 @@ impl Field {
                 moved.insert(point, self.on_edge(c, c.t));
             }
         }
-        let cut_places = self
+        let cut_points = self
             .cuts
             .iter()
             .map(|c| {
@@ -154,7 +154,7 @@ impl Field {
                 self.on_edge(*c, c.t.clamp(low, high))
             })
             .collect();
-        Warped { side, moved, cut_places }
+        Warped { side, moved, cut_points }
     }
 
     /// The width of the smallest cube at a node, mm: lattice points come first, cuts after them.
@@ -165,7 +165,7 @@ impl Field {
     }
 
     fn on_edge(&self, c: Cut, t: f64) -> Point {
-        let (p, q) = (self.background.place(c.inside), self.background.place(c.outside));
+        let (p, q) = (self.background.position(c.inside), self.background.position(c.outside));
         p + (q - p) * t
     }
 }
@@ -176,21 +176,21 @@ pub(super) struct Warped {
     /// −1 inside, 0 on the surface, +1 outside, for each lattice point.
     pub(super) side: Vec<i8>,
     moved: HashMap<u32, Point>,
-    cut_places: Vec<Point>,
+    cut_points: Vec<Point>,
 }
 
 impl Warped {
     /// Where a node lies: lattice points come first, cuts after them.
-    pub(super) fn place(&self, field: &Field, node: u32) -> Point {
+    pub(super) fn position(&self, field: &Field, node: u32) -> Point {
         let n = self.side.len() as u32;
         if node >= n {
-            return self.cut_places[(node - n) as usize];
+            return self.cut_points[(node - n) as usize];
         }
-        self.moved.get(&node).copied().unwrap_or_else(|| field.background.place(node))
+        self.moved.get(&node).copied().unwrap_or_else(|| field.background.position(node))
     }
 }
 
-/// The place in 0..1 where a function changes from negative (at 0) to positive (at 1): regula falsi with the
+/// The point in 0..1 where a function changes from negative (at 0) to positive (at 1): regula falsi with the
 /// Illinois rule, at most eight values.
 fn crossing(f: impl Fn(f64) -> f64, at_0: f64, at_1: f64, tolerance: f64) -> f64 {
     let (mut a, mut fa, mut b, mut fb) = (0.0, at_0, 1.0, at_1);

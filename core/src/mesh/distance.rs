@@ -1,4 +1,4 @@
-//! How far a mesh's surface lies from the body's.
+//! Surface distances between mesh and body, both ways: mean and largest, mm.
 
 use super::{MeshError, Solid, TetMesh};
 use crate::geometry::{ImplicitBody, Point};
@@ -20,17 +20,17 @@ pub struct Distances {
     /// From the mesh's facets (corners, middles of edges, and centres, weighted as Simpson's rule on a triangle weighs
     /// them, and by area) to the body.
     pub to_body: Distance,
-    /// From places on the body's surface to the mesh's surface.
+    /// From points on the body's surface to the mesh's surface.
     pub from_body: Distance,
 }
 
 impl Distances {
-    /// Of a mesh from the body it was made of; `places` lie on the body's surface. Takes one body value for each corner,
-    /// edge and facet of the mesh, and a search in a tree for each place.
+    /// Of a mesh from the body it was made of; `points` lie on the body's surface. Takes one body value for each corner,
+    /// edge and facet of the mesh, and a search in a tree for each point.
     ///
     /// # Errors
     /// [`MeshError::Open`] where the mesh has no closed surface.
-    pub fn measure(body: &dyn ImplicitBody, mesh: &TetMesh, places: &[Point]) -> Result<Self, MeshError> {
+    pub fn measure(body: &dyn ImplicitBody, mesh: &TetMesh, points: &[Point]) -> Result<Self, MeshError> {
         let surface = mesh.surface().triangles;
         let at_vertices: Vec<f64> = surface.vertices.par_iter().map(|p| body.value(p).abs()).collect();
         // For each facet its mean, its largest and its area.
@@ -56,7 +56,7 @@ impl Distances {
             max_mm: facets.iter().map(|f| f[1]).fold(0.0, f64::max),
         };
         let solid = Solid::new(surface)?;
-        let away: Vec<f64> = places.par_iter().map(|p| solid.value(p).abs()).collect();
+        let away: Vec<f64> = points.par_iter().map(|p| solid.value(p).abs()).collect();
         let from_body = Distance {
             mean_mm: away.iter().sum::<f64>() / away.len().max(1) as f64,
             max_mm: away.iter().copied().fold(0.0, f64::max),
@@ -81,9 +81,9 @@ mod tests {
         let ball = Ball { center: Point::origin(), radius_mm: 1.0 };
         let controls = Controls::for_size(4.0);
         let made = mesh(&ball, &controls, &mut |_| ()).unwrap();
-        let places: Vec<Point> =
+        let points: Vec<Point> =
             made.surface().triangles.vertices.iter().map(|p| (p.coords.normalize()).into()).collect();
-        let d = Distances::measure(&ball, &made, &places).unwrap();
+        let d = Distances::measure(&ball, &made, &points).unwrap();
         // A facet of circumradius R sags by R²/2; half of it lies on either side.
         let sag = 0.5 * controls.surface_size_mm.powi(2);
         assert!(d.to_body.max_mm < sag && d.to_body.mean_mm < 0.4 * sag, "{d:?} {sag}");

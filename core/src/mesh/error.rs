@@ -1,6 +1,6 @@
-//! What can go wrong between a body and its mesh.
+//! Errors of meshing.
 
-use super::{TetFault, controls::Broken};
+use super::{TetFault, broken::BrokenControl};
 use crate::geometry::{MeshFault, Point};
 
 /// Why there is no mesh.
@@ -78,7 +78,7 @@ pub enum MeshError {
         /// The lattice spacing, mm.
         spacing_mm: f64,
     },
-    /// The body goes on beyond the box that it says holds it.
+    /// The body goes on beyond the box that it states.
     #[error("the body still reaches {0:.6?}, which is outside its own box: its bounds() is wrong")]
     Unbounded(Point),
     /// The body has no value somewhere.
@@ -86,13 +86,13 @@ pub enum MeshError {
     NotFinite(Point, f64),
     /// A control could not be kept.
     #[error(transparent)]
-    Promise(#[from] Broken),
+    Promise(#[from] BrokenControl),
     /// The mesh is not one: our own fault, found before anybody used it.
     #[error(
         "the mesher made a bad mesh ({0}); move the body a little or change surface_size_mm, and report it"
     )]
     Fault(#[from] TetFault),
-    /// There are not as many voxels as the volume's size says.
+    /// There are not as many voxels as the volume's size states.
     #[error(
         "{count} voxels do not make a volume of {} × {} × {}; give as many as their product, at least one",
         size[0], size[1], size[2]
@@ -127,7 +127,7 @@ pub enum MeshError {
     },
     /// The surface cuts itself.
     #[error(
-        "triangles {first} and {second} of the surface cut one another near {place:.6?} mm: it has no clear inside; repair it \
+        "triangles {first} and {second} of the surface cut one another near {point:.6?} mm: it has no clear inside; repair it \
          (union, or `self-intersections` in a mesh program) first"
     )]
     Crossing {
@@ -136,7 +136,7 @@ pub enum MeshError {
         /// One that it cuts.
         second: usize,
         /// A corner of the first, mm.
-        place: Point,
+        point: Point,
     },
     /// The surface that should bound a solid does not.
     #[error(

@@ -1,4 +1,4 @@
-//! Whether a body has a size that can be computed with, where it is.
+//! Limits of a body's size and of its distance from the origin.
 
 use super::MeshError;
 use crate::geometry::Aabb;
@@ -37,12 +37,12 @@ mod tests {
             min: Point::new(at, at, at),
             max: Point::new(at + long, at + long, at + long),
         };
-        let says = |bounds: Aabb| check_extent(&bounds).unwrap_err().to_string();
+        let message = |bounds: Aabb| check_extent(&bounds).unwrap_err().to_string();
         assert_eq!(check_extent(&cube(-0.5, 1.0)), Ok(()));
         assert_eq!(check_extent(&cube(1e7, 1.0)), Ok(()));
-        assert!(says(cube(0.0, 1e38)).contains("1.0000e38 mm long, it must be 1e-6 to 1e6 mm"));
-        assert!(says(cube(0.0, 1e-38)).contains("it must be 1e-6 to 1e6 mm"));
-        assert!(says(cube(f64::NEG_INFINITY, 1.0)).contains("mm long"));
-        assert!(says(cube(1e12, 1.0)).contains("move it to the origin"));
+        assert!(message(cube(0.0, 1e38)).contains("1.0000e38 mm long, it must be 1e-6 to 1e6 mm"));
+        assert!(message(cube(0.0, 1e-38)).contains("it must be 1e-6 to 1e6 mm"));
+        assert!(message(cube(f64::NEG_INFINITY, 1.0)).contains("mm long"));
+        assert!(message(cube(1e12, 1.0)).contains("move it to the origin"));
     }
 }

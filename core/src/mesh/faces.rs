@@ -1,12 +1,15 @@
-//! The faces of tetrahedra, gathered by their least node, and what follows from them.
+//! Face adjacency: the faces of tetrahedra gathered by their least node, boundary, node-to-element lists.
 
-use super::tetmesh::face_nodes;
 use rayon::prelude::*;
+
+/// The faces of a tetrahedron as indices into its list of nodes, counter-clockwise seen from outside, in the
+/// order of Abaqus' and `CalculiX`' S1 to S4.
+pub const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
 
 /// Nodes whose faces one piece of parallel work sorts.
 const NODES_AT_A_TIME: usize = 2048;
 
-/// A face: its middle and greatest node, and four times its tetrahedron plus its place in [`super::FACES`].
+/// A face: its middle and greatest node, and four times its tetrahedron plus its index in [`FACES`].
 type Entry = (u32, u32, u32);
 
 /// Every face of some tetrahedra, equal faces side by side, in an order that does not depend on threads. Linear in the
@@ -29,7 +32,7 @@ impl Group<'_> {
     pub(super) fn len(&self) -> usize {
         self.entries.len()
     }
-    /// The tetrahedron and the place of the face in [`super::FACES`].
+    /// The tetrahedron and the index of the face in [`FACES`].
     pub(super) fn side(&self, i: usize) -> (u32, u8) {
         (self.entries[i].2 >> 2, (self.entries[i].2 & 3) as u8)
     }
@@ -39,7 +42,7 @@ impl Faces {
     /// Of those faces of `tets` whose nodes are all `wanted`; node numbers are below `nodes`.
     pub(super) fn of(tets: &[[u32; 4]], nodes: usize, wanted: impl Fn(u32) -> bool) -> Self {
         let each = |t: &[u32; 4], f: u8| {
-            let [a, b, c] = super::FACES[f as usize].map(|i| t[i]);
+            let [a, b, c] = FACES[f as usize].map(|i| t[i]);
             // Of three numbers the least, the middle and the greatest.
             let (low, high) = (a.min(b).min(c), a.max(b).max(c));
             (wanted(a) && wanted(b) && wanted(c)).then_some([low, a ^ b ^ c ^ low ^ high, high])
@@ -98,6 +101,11 @@ impl Faces {
         out.sort_unstable();
         out
     }
+}
+
+/// The nodes of a tetrahedron's face, counter-clockwise seen from outside.
+pub(super) fn face_nodes(tets: &[[u32; 4]], tet: u32, face: u8) -> [u32; 3] {
+    FACES[face as usize].map(|i| tets[tet as usize][i])
 }
 
 /// Numbers of the things around each node, in one list.

@@ -1,4 +1,4 @@
-//! Tetrahedra and triangles for a body given by a function.
+//! Meshing: tetrahedra and boundary triangles for an implicit body.
 //!
 //! Isosurface stuffing (Labelle and Shewchuk, ACM Trans. Graphics 26(3), 57, 2007): a body-centred cubic
 //! lattice, graded by an octree, is laid over the body, lattice points close to the surface are warped onto it, and
@@ -7,6 +7,7 @@
 //! are promises: a mesh that breaks one is an error, not a result.
 
 mod background;
+mod broken;
 mod controls;
 mod crossing;
 mod cut;
@@ -33,11 +34,12 @@ pub use controls::Controls;
 pub use distance::{Distance, Distances};
 pub use error::MeshError;
 pub use extent::check_extent;
+pub use faces::FACES;
 pub use quality::{Dihedral, Quality};
 pub use second::{MIDDLES, SecondOrder};
 pub use solid::{MOST_TRIANGLES, Solid};
 pub use spread::{Histogram, Spread};
-pub use tetmesh::{FACES, Surface, TetFault, TetMesh};
+pub use tetmesh::{Surface, TetFault, TetMesh};
 pub use voxels::Voxels;
 
 use crate::geometry::{ImplicitBody, Point};
@@ -58,7 +60,7 @@ const POOR_ATTEMPTS: usize = 3;
 ///
 /// Costs about 24 body values for each surface node and one for each lattice point near the surface (everywhere in the
 /// body's box where its [`steepness`](ImplicitBody::steepness) is not known), all in parallel; the same body and controls give the same bytes on any number of threads. Of a body in several
-/// pieces the largest is kept; [`TetMesh::dropped_pieces`] says how many were not. A mesh that keeps the
+/// pieces the largest is kept; [`TetMesh::dropped_pieces`] counts the others. A mesh that keeps the
 /// controls with a dihedral angle below 18° is tried again on a shifted lattice, and the best is returned.
 /// `progress` is called with the part done, from 0 to 1, never falling.
 ///
@@ -77,19 +79,20 @@ pub fn mesh(
     let mut poor: Option<(f64, TetMesh)> = None;
     for attempt in 0..ATTEMPTS {
         let sizes = Sizes::new(controls, contacts, finer);
-        let mut told = |part: f64| progress((attempt as f64 + part) / ATTEMPTS as f64);
-        let (mesh, places) = match on_lattice(body, controls, &sizes, contacts, attempt, &mut told) {
+        let mut report = |part: f64| progress((attempt as f64 + part) / ATTEMPTS as f64);
+        let (mesh, surface_points) = match on_lattice(body, controls, &sizes, contacts, attempt, &mut report)
+        {
             Ok(mesh) => mesh,
             // What an earlier attempt made is good enough.
             Err(_) if poor.is_some() => break,
-            // What the promise would take is beyond memory: the promise is what is told.
+            // What the promise would take is beyond memory: the promise is what is reported.
             Err(MeshError::TooMany { .. }) if last.is_some() => break,
             Err(e) => return Err(e),
         };
         let quality = mesh.quality();
         let mut broken = controls.broken_by(&quality, contacts.map(|c| c.largest_facet_mm(&mesh)));
         if broken.is_none() && controls.distance_mm.is_some() {
-            broken = controls.too_far(Distances::measure(body, &mesh, &places)?.max_mm());
+            broken = controls.too_far(Distances::measure(body, &mesh, &surface_points)?.max_mm());
         }
         if let Some(broken) = broken {
             broken.refine(&mut finer);
@@ -112,7 +115,7 @@ pub fn mesh(
     Err(last.map_or(MeshError::Empty { spacing_mm: controls.surface_size_mm }, MeshError::Promise))
 }
 
-/// One attempt: a checked mesh, which may break the controls, and places on the body's surface.
+/// One attempt: a checked mesh, which may break the controls, and points on the body's surface.
 fn on_lattice(
     body: &dyn ImplicitBody,
     controls: &Controls,
@@ -136,5 +139,5 @@ fn on_lattice(
     optimise::improve(body, &Targets::new(controls, contacts), &mut filled);
     let mesh = filled.mesh;
     mesh.check()?;
-    Ok((mesh, field.places()))
+    Ok((mesh, field.surface_points()))
 }

@@ -53,7 +53,7 @@ impl Hasher for KeyHasher {
 /// A map from packed coordinates.
 pub(super) type Map<V> = HashMap<u64, V, BuildHasherDefault<KeyHasher>>;
 
-/// A cube of some level: its place counted in cubes of that level.
+/// A cube of some level: its index counted in cubes of that level.
 #[derive(Debug, Clone, Copy)]
 struct Cube {
     at: [i32; 3],
@@ -177,7 +177,7 @@ impl Growth<'_> {
         1 << (self.levels - level)
     }
 
-    fn place(&self, at: [i32; 3]) -> Point {
+    fn position(&self, at: [i32; 3]) -> Point {
         self.origin + Vector::from(at.map(f64::from)) * self.unit_mm
     }
 
@@ -189,9 +189,9 @@ impl Growth<'_> {
     fn level(&self, at: Vec<[i32; 3]>, level: u32) -> Result<Level, MeshError> {
         let width = 2.0 * f64::from(self.half(level)) * self.unit_mm;
         let values: Vec<f64> =
-            at.par_iter().map(|at| self.body.value(&self.place(self.center(*at, level)))).collect();
+            at.par_iter().map(|at| self.body.value(&self.position(self.center(*at, level)))).collect();
         if let Some(i) = values.iter().position(|v| !v.is_finite()) {
-            return Err(MeshError::NotFinite(self.place(self.center(at[i], level)), values[i]));
+            return Err(MeshError::NotFinite(self.position(self.center(at[i], level)), values[i]));
         }
         let far = self.steep.map_or(f64::INFINITY, |s| s * REACH * width);
         let cubes: Vec<Cube> = at
@@ -212,7 +212,7 @@ impl Growth<'_> {
         let width = 2.0 * f64::from(self.half(level)) * self.unit_mm;
         let half_diagonal = HALF_DIAGONAL * width;
         let depth = self.steep.map_or(0.0, |s| (-cube.value / s - half_diagonal).max(0.0));
-        let center = self.place(self.center(cube.at, level));
+        let center = self.position(self.center(cube.at, level));
         width > self.sizes.at(&center, half_diagonal, depth) * (1.0 + 1e-9)
     }
 

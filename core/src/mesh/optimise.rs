@@ -1,4 +1,4 @@
-//! Smoothing: nodes move to where their worst tetrahedron or facet gets better.
+//! Optimisation-based smoothing: nodes move to where their worst tetrahedron or facet gets better.
 //!
 //! A node's score is the worst of its tetrahedra (least sine of a dihedral angle, smallest altitude) and
 //! of its facets (least sine of an angle), each over its target; a broken promise makes it negative, so
@@ -70,7 +70,7 @@ enum Tried {
     Good,
     /// It goes there.
     Better(Point),
-    /// No better place was found.
+    /// No better position was found.
     Stuck,
 }
 
@@ -216,21 +216,21 @@ impl<'a> Smoother<'a> {
     /// Gathers what is around node `v`.
     fn gather(&self, nodes: &[Point], v: u32, star: &mut Star) {
         star.clear();
-        let place = |n: u32| nodes[n as usize];
+        let position = |n: u32| nodes[n as usize];
         for &f in self.facets_of.get(v) {
             let facet = self.facets[f as usize];
             let k = facet.iter().position(|n| *n == v).unwrap_or(0);
-            star.add_facet(facet.map(place), k);
+            star.add_facet(facet.map(position), k);
         }
         for &t in self.tets_of.get(v) {
             let tet = self.tets[t as usize];
             let k = tet.iter().position(|n| *n == v).unwrap_or(0);
             let spacing_mm = tet.iter().map(|n| self.spacings[*n as usize]).fold(f64::INFINITY, f64::min);
-            star.add_tet(tet.map(place), k, spacing_mm);
+            star.add_tet(tet.map(position), k, spacing_mm);
         }
     }
 
-    /// Seeks a better place for node `v` if its score is below `below`: towards its neighbours' centre, then, where
+    /// Seeks a better position for node `v` if its score is below `below`: towards its neighbours' centre, then, where
     /// that is not enough, in the directions.
     fn try_node(&self, nodes: &[Point], v: u32, below: f64, directions: &[Vector], star: &mut Star) -> Tried {
         self.gather(nodes, v, star);
@@ -287,7 +287,7 @@ impl<'a> Smoother<'a> {
         Tried::Stuck
     }
 
-    /// The place on the surface reached from `p` along the normal by the secant method, and the body's value
+    /// The point on the surface reached from `p` along the normal by the secant method, and the body's value
     /// left there (absolute, mm).
     fn onto_surface(&self, p: Point, normal: Vector, spacing_mm: f64) -> (Point, f64) {
         let (mut s0, mut f0) = (0.0, self.body.value(&p));
@@ -365,7 +365,7 @@ impl<'a> Smoother<'a> {
         if !depth.is_finite() {
             return Tangent { at: centre, normal: flat, depth: 0.0 };
         }
-        // A shallow facet on a smooth body: its own plane tells as much as the body's slope would.
+        // A shallow facet on a smooth body: its own plane is as good as the body's slope would.
         if depth.abs() < SHALLOW * across.norm().sqrt() {
             return Tangent { at: centre + flat * depth, normal: flat, depth };
         }

@@ -1,4 +1,4 @@
-//! Pieces of a mesh that hang together; the largest is kept.
+//! Connected components of a mesh; the largest is kept.
 
 use super::TetMesh;
 use super::repair::Filled;

@@ -1,10 +1,17 @@
-//! What a mesh is like, in figures.
+//! Quality of a mesh: dihedral angles, facet angles, radius–edge ratio, altitudes.
+//!
+//! ```text
+//! dihedral angle    cos θ = −n₁·n₂/(|n₁| |n₂|)              n: area vectors of two faces, outwards
+//! radius–edge       R/l_min,  R = | |b|² c×d + |c|² d×b + |d|² b×c | / (12 V)    b, c, d: edges from node 0
+//! altitude          h = 3V/A_max
+//! time step         Δt = h_min/c,  c² = E (1 − ν)/((1 + ν)(1 − 2ν) ρ)
+//! ```
 
 use super::{TetMesh, score};
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// The quality of a mesh; every figure is an extreme over the whole mesh unless it says otherwise.
+/// The quality of a mesh; every figure is an extreme over the whole mesh unless otherwise stated.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Quality {
     /// Angles between the faces of tetrahedra, degrees; a regular tetrahedron has 70.5.

@@ -1,4 +1,4 @@
-//! Cutting until the surface is manifold.
+//! Manifold repair: the lattice is cut again until the surface is manifold.
 //!
 //! Where a body is thin, or grazes lattice points, two sheets of its surface can meet in a warped point. Cuts
 //! alone cannot do that: without warped points the surface in each lattice tetrahedron is one triangle or
@@ -37,7 +37,7 @@ pub(super) fn fill(body: &dyn ImplicitBody, field: &Field) -> Filled {
         let facets = boundary_triangles(&tets, all, on);
         let faulty = faulty_nodes(&facets, all);
         if faulty.is_empty() {
-            return compact(tets, facets, all, |n| (warped.place(field, n), field.spacing_mm(n)));
+            return compact(tets, facets, all, |n| (warped.position(field, n), field.spacing_mm(n)));
         }
         if round + 1 >= ROUNDS {
             kept.fill(true);
@@ -67,12 +67,12 @@ fn faulty_nodes(triangles: &[[u32; 3]], nodes: usize) -> Vec<u32> {
     for i in 0..nodes {
         start[i + 1] += start[i];
     }
-    let mut place = start.clone();
+    let mut next = start.clone();
     let mut links = vec![[0u32; 2]; 3 * triangles.len()];
     for &[a, b, c] in triangles {
         for [v, p, q] in [[a, b, c], [b, c, a], [c, a, b]] {
-            links[place[v as usize] as usize] = [p, q];
-            place[v as usize] += 1;
+            links[next[v as usize] as usize] = [p, q];
+            next[v as usize] += 1;
         }
     }
     for v in 0..nodes {
@@ -107,14 +107,14 @@ fn compact(
 ) -> Filled {
     let mut number = vec![u32::MAX; nodes];
     tets.iter().flatten().for_each(|&n| number[n as usize] = 0);
-    let (mut places, mut spacings) = (Vec::new(), Vec::new());
+    let (mut positions, mut spacings) = (Vec::new(), Vec::new());
     for (n, slot) in number.iter_mut().enumerate().filter(|(_, slot)| **slot == 0) {
-        *slot = places.len() as u32;
-        let (place, spacing) = of(n as u32);
-        places.push(place);
+        *slot = positions.len() as u32;
+        let (position, spacing) = of(n as u32);
+        positions.push(position);
         spacings.push(spacing);
     }
     tets.iter_mut().flatten().for_each(|n| *n = number[*n as usize]);
     facets.iter_mut().flatten().for_each(|n| *n = number[*n as usize]);
-    Filled { mesh: TetMesh::new(places, tets), spacings, facets }
+    Filled { mesh: TetMesh::new(positions, tets), spacings, facets }
 }

@@ -1,4 +1,4 @@
-//! Measures of one tetrahedron and one triangle.
+//! Volume, area vectors, dihedral sines, circumradius of one tetrahedron and one triangle.
 
 use crate::geometry::{Point, Vector};
 
@@ -27,7 +27,7 @@ pub(super) fn volume_and_least_sine(p: &[Point; 4]) -> (f64, f64) {
     (volume, 6.0 * volume * least.sqrt())
 }
 
-/// The circumradius and the sine of the least angle of a triangle.
+/// The circumradius `R = abc/(4A)` and the sine of the least angle, `a/(2R)` with a the shortest edge, of a triangle.
 pub(super) fn circumradius_and_least_sine([a, b, c]: &[Point; 3]) -> (f64, f64) {
     let double_area = (b - a).cross(&(c - a)).norm();
     let (x, y, z) = ((b - a).norm(), (c - b).norm(), (a - c).norm());

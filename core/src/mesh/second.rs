@@ -1,9 +1,9 @@
-//! Ten-node tetrahedra.
+//! Second-order (ten-node) tetrahedra with straight edges.
 
 use super::TetMesh;
 use crate::geometry::Point;
 
-/// The edges of a tetrahedron on which the nodes five to ten lie, as places in its list of nodes.
+/// The edges of a tetrahedron on which the nodes five to ten lie, as indices into its list of nodes.
 ///
 /// ```text
 ///        3            4 on 0–1, 5 on 1–2, 6 on 2–0, 7 on 0–3, 8 on 1–3, 9 on 2–3
@@ -18,7 +18,7 @@ pub const MIDDLES: [[usize; 2]; 6] = [[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2
 /// A body of ten-node tetrahedra with straight edges, made from one of four-node ones.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SecondOrder {
-    /// The corners' places, in the mesh's order, then those of the middles of edges, mm.
+    /// The corners' positions, in the mesh's order, then those of the middles of edges, mm.
     pub nodes: Vec<Point>,
     /// Node numbers of each tetrahedron: corners as in [`TetMesh`], then the middles in the order of [`MIDDLES`].
     pub tets: Vec<[u32; 10]>,
@@ -59,8 +59,8 @@ impl TetMesh {
                 all
             })
             .collect();
-        let place = |n: u32| self.nodes[n as usize];
-        let middles = edges.iter().map(|e| nalgebra::center(&place(e[0]), &place(e[1])));
+        let position = |n: u32| self.nodes[n as usize];
+        let middles = edges.iter().map(|e| nalgebra::center(&position(e[0]), &position(e[1])));
         let nodes = self.nodes.iter().copied().chain(middles).collect();
         SecondOrder { nodes, tets, corners: self.nodes.len(), edges }
     }

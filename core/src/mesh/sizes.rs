@@ -1,4 +1,8 @@
-//! How large the cells of the background grid may be, place by place.
+//! The size field: how large the cells of the background grid may be at a point.
+//!
+//! ```text
+//! a(p) = min(a_surface + g·depth(p), a_inside, a_contact + g·|z − contact zone|),   g = 0.6
+//! ```
 
 use super::controls::{CUBES_PER_TET, SPACING_PER_SIZE};
 use super::{Controls, TetMesh, score};
@@ -8,10 +12,10 @@ use rayon::prelude::*;
 /// By how much a cell may grow over a distance of 1, away from a contact or from the surface. Widths are rounded down to
 /// halves of one another, so that in the mean they grow by about 0.4.
 const GRADING: f64 = 0.6;
-/// How far below the highest and above the lowest place a contact reaches, over the body's height, where it is not given:
+/// How far below the highest and above the lowest point a contact reaches, over the body's height, where it is not given:
 /// a ball pressed by that much touches on a circle of 0.28 of its radius.
 const CONTACT_DEPTH: f64 = 0.02;
-/// Columns along x and y by which the highest and the lowest place are sought.
+/// Columns along x and y by which the highest and the lowest point are sought.
 const COLUMNS: i32 = 72;
 /// Steps along a column before it is given up: it grazes the body.
 const MOST_STEPS: usize = 4000;
@@ -90,7 +94,7 @@ impl Sizes {
     }
 }
 
-/// The lowest and highest place of a body along z, mm, sought along columns. Where none meets the body (it is empty, or
+/// The lowest and highest point of a body along z, mm, sought along columns. Where none meets the body (it is empty, or
 /// thinner than the columns' distance), its box.
 fn heights(body: &dyn ImplicitBody, size_mm: f64) -> [f64; 2] {
     let bounds = body.bounds();

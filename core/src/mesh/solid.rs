@@ -1,4 +1,4 @@
-//! A body from a closed surface of triangles, by its signed distance.
+//! Signed distance of a closed triangle surface, in a bounding volume hierarchy.
 
 use super::{MeshError, check_extent};
 use crate::geometry::{Aabb, ImplicitBody, Point, TriangleMesh, Vector};
@@ -11,7 +11,7 @@ const LEAST_THICKNESS: f64 = 1e-8;
 const LEAF: usize = 4;
 
 /// The inside of a closed triangle mesh. Its value is the signed distance to the nearest triangle, in mm,
-/// found in a tree of boxes; the sign is that of the angle-weighted pseudonormal at the nearest place
+/// found in a tree of boxes; the sign is that of the angle-weighted pseudonormal at the nearest point
 /// (Bærentzen and Aanæs, IEEE Trans. Vis. Comput. Graph. 11(3), 2005), exact for a surface that does not cut
 /// itself.
 #[derive(Debug, Clone)]
@@ -37,7 +37,7 @@ struct Branch {
     leaf: bool,
 }
 
-/// The part of a triangle that is nearest to a place.
+/// The part of a triangle that is nearest to a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Feature {
     Vertex(usize),
@@ -79,7 +79,7 @@ impl Solid {
         &self.surface
     }
 
-    /// The same, turned inside out first where its triangles all face inwards; says whether they did.
+    /// The same, turned inside out first where its triangles all face inwards; and whether they did.
     ///
     /// # Errors
     /// As [`Solid::new`], except for what turning repairs.
@@ -110,7 +110,7 @@ impl Solid {
         }
     }
 
-    /// The nearest triangle, its feature and the nearest place on it.
+    /// The nearest triangle, its feature and the nearest point on it.
     fn nearest(&self, p: &Point) -> (usize, Feature, Point) {
         let mut best = (0, Feature::Face, self.surface.vertices[0]);
         let mut best_square = f64::INFINITY;
@@ -224,7 +224,7 @@ fn pseudonormals(surface: &TriangleMesh) -> Normals {
     (faces, edge_normals, vertices)
 }
 
-/// The nearest place on a triangle (Ericson, Real-Time Collision Detection, 2005, section 5.1.5).
+/// The nearest point on a triangle (Ericson, Real-Time Collision Detection, 2005, section 5.1.5).
 fn nearest_on_triangle([a, b, c]: &[Point; 3], p: &Point) -> (Feature, Point) {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(&ap), ac.dot(&ap));

@@ -1,4 +1,4 @@
-//! How a mesh's figures are spread: histograms over its tetrahedra and facets.
+//! Histograms of a mesh's quality over its tetrahedra and facets.
 
 use super::{TetMesh, score};
 

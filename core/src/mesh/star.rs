@@ -1,4 +1,4 @@
-//! The tetrahedra and facets around one node, gathered once and scored at many trial places of the node.
+//! The star of a node: the tetrahedra and facets around it, gathered once and scored at many trial positions of the node.
 //!
 //! What does not change with the node (the opposite faces and edges) is computed once. A trial that cannot
 //! beat the best so far is refused at its first tetrahedron that is too bad; that one is asked first the next
@@ -86,7 +86,7 @@ struct Spoke {
     altitude_mm: f64,
 }
 
-/// Everything around a node that its place changes.
+/// Everything around a node that its position changes.
 #[derive(Debug, Default)]
 pub(super) struct Star {
     /// The two other nodes of each facet.
@@ -104,12 +104,12 @@ impl Star {
         self.tets_first = false;
     }
 
-    /// Adds a facet by the places of its three nodes, of which `k` is the moving one.
+    /// Adds a facet by the positions of its three nodes, of which `k` is the moving one.
     pub(super) fn add_facet(&mut self, p: [Point; 3], k: usize) {
         self.facets.push([p[(k + 1) % 3], p[(k + 2) % 3]]);
     }
 
-    /// Adds a tetrahedron by the places of its four nodes, of which `k` is the moving one, and the least spacing of the
+    /// Adds a tetrahedron by the positions of its four nodes, of which `k` is the moving one, and the least spacing of the
     /// grid at them.
     pub(super) fn add_tet(&mut self, p: [Point; 4], k: usize, spacing_mm: f64) {
         // Even permutations that bring node k to the front.

@@ -1,4 +1,4 @@
-//! The part of one lattice tetrahedron that is inside, as tetrahedra.
+//! Stencils of isosurface stuffing: the part of one lattice tetrahedron that is inside, as tetrahedra.
 //!
 //! ```text
 //!  inside  on  outside     what is left
@@ -49,8 +49,8 @@ impl Stencil<'_> {
     fn side(&self, p: u32) -> i8 {
         self.warped.side[p as usize]
     }
-    fn place(&self, node: u32) -> Point {
-        self.warped.place(self.field, node)
+    fn position(&self, node: u32) -> Point {
+        self.warped.position(self.field, node)
     }
     fn cut_node(&self, inside: u32, outside: u32) -> u32 {
         self.warped.side.len() as u32 + self.field.cut(inside, outside)
@@ -69,9 +69,9 @@ impl Stencil<'_> {
             (0, 0) => {
                 // All four were warped onto the surface: a piece of the body, or a piece of the outside.
                 // A flat one, where cubes of two widths meet, is better left out: what it hides becomes the surface.
-                let places = tet.map(|p| self.place(p));
-                let sum = places.iter().map(|p| p.coords).sum::<crate::geometry::Vector>();
-                let (volume, sine) = score::volume_and_least_sine(&places);
+                let positions = tet.map(|p| self.position(p));
+                let sum = positions.iter().map(|p| p.coords).sum::<crate::geometry::Vector>();
+                let (volume, sine) = score::volume_and_least_sine(&positions);
                 let is_flat = volume <= 0.0 || sine < LEAST_SINE;
                 if !is_flat && self.body.value(&(sum / 4.0).into()) < 0.0 {
                     out.push(tet);
@@ -111,7 +111,7 @@ impl Stencil<'_> {
         let b = [q, self.cut_node(q, m), self.cut_node(q, n)];
         // The diagonals from p are set; the one of the surface quadrilateral is free, and the shorter is
         // taken.
-        let length = |i: usize, j: usize| (self.place(a[i]) - self.place(b[j])).norm_squared();
+        let length = |i: usize, j: usize| (self.position(a[i]) - self.position(b[j])).norm_squared();
         if length(1, 2) <= length(2, 1) {
             wedge(a, b, [0, 1, 2], out);
         } else {
@@ -164,7 +164,7 @@ mod tests {
 
     #[test]
     fn a_wedge_is_filled_in_every_order_of_its_corners() {
-        let place = |n: u32| {
+        let position = |n: u32| {
             let z = f64::from(n / 3);
             Point::from([[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]][n as usize % 3])
         };
@@ -172,7 +172,7 @@ mod tests {
             let mut out = Vec::new();
             wedge([0, 1, 2], [3, 4, 5], order, &mut out);
             for t in out {
-                let [p, q, r, s] = t.map(place);
+                let [p, q, r, s] = t.map(position);
                 let six = (q - p).cross(&(r - p)).dot(&(s - p));
                 assert!((six - 1.0).abs() < 1e-12, "{order:?} {t:?} {six}");
             }

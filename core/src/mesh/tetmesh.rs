@@ -1,12 +1,8 @@
-//! Tetrahedra that share nodes.
+//! The tetrahedral mesh: nodes (mm), connectivity, boundary, consistency check.
 
-use super::faces::Faces;
+use super::faces::{Faces, face_nodes};
 use super::score;
 use crate::geometry::{MeshFault, Point, TriangleMesh};
-
-/// The faces of a tetrahedron as places in its list of nodes, counter-clockwise seen from outside, in the
-/// order of Abaqus' and `CalculiX`' S1 to S4.
-pub const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
 
 /// A body of four-node tetrahedra.
 ///
@@ -20,7 +16,7 @@ pub const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
 /// ```
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TetMesh {
-    /// Places, mm.
+    /// Positions, mm.
     pub nodes: Vec<Point>,
     /// Node numbers of each tetrahedron, from 0.
     pub tets: Vec<[u32; 4]>,
@@ -35,7 +31,7 @@ pub struct Surface {
     pub triangles: TriangleMesh,
     /// The mesh's node number of each vertex of the surface, rising.
     pub nodes: Vec<u32>,
-    /// For each triangle its tetrahedron and the place of its face in [`FACES`].
+    /// For each triangle its tetrahedron and the index of its face in [`super::FACES`].
     pub faces: Vec<(u32, u8)>,
 }
 
@@ -66,7 +62,7 @@ pub enum TetFault {
 }
 
 impl TetMesh {
-    /// From nodes (mm) and tetrahedra; [`TetMesh::check`] says whether they are a mesh.
+    /// From nodes (mm) and tetrahedra; [`TetMesh::check`] shows whether they are a mesh.
     pub fn new(nodes: Vec<Point>, tets: Vec<[u32; 4]>) -> Self {
         Self { nodes, tets, dropped_pieces: 0 }
     }
@@ -148,11 +144,6 @@ impl TetMesh {
         }
         Ok(self.surface_of(faces.boundary()).triangles.check()?)
     }
-}
-
-/// The nodes of a tetrahedron's face, counter-clockwise seen from outside.
-pub(super) fn face_nodes(tets: &[[u32; 4]], tet: u32, face: u8) -> [u32; 3] {
-    FACES[face as usize].map(|i| tets[tet as usize][i])
 }
 
 /// Whether a triangle's nodes are a rotation of their rising order.

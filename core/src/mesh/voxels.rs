@@ -1,10 +1,10 @@
-//! A body from voxels.
+//! An implicit body from a binary voxel volume, smoothed.
 
 use super::{MeshError, check_extent};
 use crate::geometry::{Aabb, ImplicitBody, Point, Vector};
 use rayon::prelude::*;
 
-/// A body of voxels, its staircase smoothed: the value is half less how much of the voxels about the place is filled
+/// A body of voxels, its staircase smoothed: the value is half less how much of the voxels about the point is filled
 /// (weighted as 1 2 1 along each axis, linear between), times two pitches: about the distance where the surface faces along
 /// an axis. Smoothing moves a surface with radius of curvature r inwards by about 0.7 pitch²/r: a ball of 30 voxels across
 /// loses 1 % of its volume. What is thinner than a voxel is lost.
@@ -25,7 +25,7 @@ impl Voxels {
     ///
     /// # Errors
     /// [`MeshError::Control`] for a pitch that is not a positive number, [`MeshError::Voxels`] where there are not as many
-    /// as the size says; those of [`check_extent`].
+    /// as the size states; those of [`check_extent`].
     pub fn new(origin: Point, pitch_mm: f64, size: [usize; 3], inside: &[bool]) -> Result<Self, MeshError> {
         if !(pitch_mm.is_finite() && pitch_mm > 0.0) {
             let (limit, remedy) = ("positive and finite", "give the edge of a voxel");
@@ -56,8 +56,8 @@ impl Voxels {
         self.count as f64 * self.pitch_mm.powi(3)
     }
 
-    /// Places on the smoothed surface: where it crosses the lines between the centres of neighbouring voxels.
-    pub fn places(&self) -> Vec<Point> {
+    /// Points on the smoothed surface: where it crosses the lines between the centres of neighbouring voxels.
+    pub fn surface_points(&self) -> Vec<Point> {
         let [nx, ny, nz] = self.size.map(|n| n as i64);
         let of_layer = |z: i64| {
             let mut out = Vec::new();
@@ -106,7 +106,7 @@ impl ImplicitBody for Voxels {
         let min = self.origin - Vector::repeat(0.5 * self.pitch_mm);
         Aabb { min, max: min + size }.grown(self.pitch_mm)
     }
-    // No steepness: away from the surface the value is constant, and tells nothing of the distance.
+    // No steepness: away from the surface the value is constant, and bounds no distance.
 }
 
 #[cfg(test)]
@@ -130,10 +130,10 @@ mod tests {
         for p in made.surface().triangles.vertices {
             assert!(((p.coords - middle).norm() - 0.3).abs() < 0.01, "{p}");
         }
-        let places = voxels.places();
+        let points = voxels.surface_points();
         // Each line through the ball's shadow along an axis, twice: 3 · 2 · π · 15².
-        assert!((4000..4500).contains(&places.len()), "{}", places.len());
-        for p in places {
+        assert!((4000..4500).contains(&points.len()), "{}", points.len());
+        for p in points {
             assert!(voxels.value(&p).abs() < 1e-7 && ((p.coords - middle).norm() - 0.3).abs() < 0.01, "{p}");
         }
     }

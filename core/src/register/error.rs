@@ -1,4 +1,4 @@
-//! Why two poses are not put together.
+//! Errors of registration.
 
 use crate::hull::HullError;
 
@@ -33,7 +33,7 @@ pub enum RegisterError {
         best_px: f64,
         /// What the other leaves unfilled.
         rival_px: f64,
-        /// What the other would have to leave unfilled to be told apart.
+        /// What the other would have to leave unfilled to be distinguished.
         limit_px: f64,
     },
     /// The search has found nothing at all.

@@ -1,4 +1,4 @@
-//! A body's function on a lattice, for searches that ask it millions of times.
+//! An implicit body sampled on a lattice, trilinear, for searches that ask it millions of times.
 
 use crate::geometry::{Aabb, ImplicitBody, Point, Vector};
 use nalgebra::Matrix3;

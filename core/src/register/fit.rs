@@ -4,14 +4,14 @@ use super::Motion;
 use crate::geometry::{Point, Vector};
 use nalgebra::{Matrix6, Vector6};
 
-/// A residual (mm) and how it changes with a step of the motion: a turn about the fit's place, and a shift.
+/// A residual (mm) and how it changes with a step of the motion: a turn about the fit's centre, and a shift.
 pub(super) struct Term {
     pub residual: f64,
     pub slope: Vector6<f64>,
 }
 
 impl Term {
-    /// Of a place of the frame that moves with the motion, seen from `about`, in a field of this gradient.
+    /// Of a point of the frame that moves with the motion, seen from `about`, in a field of this gradient.
     pub fn moving(residual: f64, p: &Point, about: &Point, gradient: &Vector) -> Self {
         let turn = (p - about).cross(gradient);
         let slope = Vector6::new(turn.x, turn.y, turn.z, gradient.x, gradient.y, gradient.z);
@@ -22,7 +22,7 @@ impl Term {
 /// What a fit does.
 #[derive(Clone, Copy)]
 pub(super) struct Control {
-    /// The place that turns are about.
+    /// The point that turns are about.
     pub about: Point,
     /// A turn of one radian moves the body by about this much, mm.
     pub reach_mm: f64,

@@ -1,9 +1,9 @@
-//! How two captures of one grain, with another side down, lie to one another.
+//! Rigid registration of two captures of one grain, another side down in the second.
 //!
-//! Each pose's hull is an upper bound of the grain, too fat in other places than the other's: their surfaces need not
+//! Each pose's hull is an upper bound of the grain, too fat elsewhere than the other's: their surfaces need not
 //! agree. What must agree is that both together still fill every silhouette. So the turns of all space are tried
 //! coarsely by the surfaces, the best followed by them, and the best of these by the outlines alone: the ray through
-//! an outline touches the grain, so some place on it belongs to both hulls (`rims.rs`). The result is refused where the
+//! an outline touches the grain, so some point on it belongs to both hulls (`rims.rs`). The result is refused where the
 //! silhouettes are not filled, and where another turn fills them about as well.
 
 mod error;
@@ -14,11 +14,13 @@ mod open;
 mod pose;
 mod rims;
 mod search;
+mod view;
 
 pub use error::RegisterError;
 pub use motion::Motion;
 pub use open::Cut;
-pub use pose::{Pose, PoseView};
+pub use pose::Pose;
+pub use view::PoseView;
 
 use crate::geometry::{ImplicitBody as _, Point};
 use serde::Serialize;
@@ -121,8 +123,8 @@ pub fn register(a: &Pose, b: &Pose, progress: &mut dyn FnMut(f64)) -> Result<Reg
 fn measure(a: &Pose, b: &Pose, motion: &Motion) -> Registration {
     let back = motion.inverse();
     let nothing = |_: &Point| f64::NEG_INFINITY;
-    let rays_a = rims::unfilled_px(&a.rims, &|p| b.body().value(&back.place(p)));
-    let rays_b = rims::unfilled_px(&b.rims, &|p| a.body().value(&motion.place(p)));
+    let rays_a = rims::unfilled_px(&a.rims, &|p| b.body().value(&back.transform(p)));
+    let rays_b = rims::unfilled_px(&b.rims, &|p| a.body().value(&motion.transform(p)));
     let views_a_px = rims::by_view(a.views().len(), &a.rims, &rays_a);
     let views_b_px = rims::by_view(b.views().len(), &b.rims, &rays_b);
     let own =

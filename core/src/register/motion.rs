@@ -18,14 +18,14 @@ impl Motion {
         Self { rotation: UnitQuaternion::identity(), translation_mm: Vector::zeros() }
     }
 
-    /// The turn that also takes the place `from` to the place `to`.
+    /// The turn that also takes the point `from` to the point `to`.
     pub fn taking(rotation: UnitQuaternion<f64>, from: &Point, to: &Point) -> Self {
         Self { rotation, translation_mm: to.coords - rotation * from.coords }
     }
 
-    /// Where a place goes.
+    /// The image of a point.
     #[inline]
-    pub fn place(&self, p: &Point) -> Point {
+    pub fn transform(&self, p: &Point) -> Point {
         self.rotation * p + self.translation_mm
     }
 
@@ -36,7 +36,7 @@ impl Motion {
         Self { rotation, translation_mm: -(rotation * self.translation_mm) }
     }
 
-    /// The camera that sees a moved place where `camera` saw it before it was moved.
+    /// The camera that sees a moved point where `camera` saw it before it was moved.
     pub fn camera(&self, camera: &Projection) -> Projection {
         let back = self.inverse();
         let mut matrix = Matrix4::identity();
@@ -45,7 +45,7 @@ impl Motion {
         Projection::new(camera.matrix * matrix)
     }
 
-    /// The motion followed by a small one: a turn (the first three numbers, radians) about a place, and a shift (mm).
+    /// The motion followed by a small one: a turn (the first three numbers, radians) about a point, and a shift (mm).
     pub(super) fn stepped(&self, step: &Vector6<f64>, about: &Point) -> Self {
         let turn = UnitQuaternion::from_scaled_axis(Vector::new(step[0], step[1], step[2]));
         let shift = Vector::new(step[3], step[4], step[5]);
@@ -75,17 +75,17 @@ mod tests {
     fn a_moved_camera_sees_the_moved_place_where_it_was() {
         let m = Matrix3x4::new(230., 3., 4., 120., -5., 2., -231., 140., 0.01, 0.02, 0., 1.);
         let (camera, p) = (Projection::new(m), Point::new(0.1, 0.5, -0.3));
-        let (want, got) = (camera.project(&p), motion().camera(&camera).project(&motion().place(&p)));
+        let (want, got) = (camera.project(&p), motion().camera(&camera).project(&motion().transform(&p)));
         let ([a, b], [c, d]) = (want.unwrap(), got.unwrap());
         assert!((a - c).hypot(b - d) < 1e-9);
-        assert!((motion().inverse().place(&motion().place(&p)) - p).norm() < 1e-12);
+        assert!((motion().inverse().transform(&motion().transform(&p)) - p).norm() < 1e-12);
     }
 
     #[test]
     fn a_step_turns_about_its_place_and_shifts() {
-        let about = motion().place(&Point::new(0.2, 0.3, 0.4));
+        let about = motion().transform(&Point::new(0.2, 0.3, 0.4));
         let step = Vector6::new(0.01, -0.02, 0.03, 1.0, 2.0, 3.0);
-        let after = motion().stepped(&step, &about).place(&Point::new(0.2, 0.3, 0.4));
+        let after = motion().stepped(&step, &about).transform(&Point::new(0.2, 0.3, 0.4));
         assert!((after - about - Vector::new(1.0, 2.0, 3.0)).norm() < 1e-12);
         assert!(
             (motion().stepped(&step, &about).apart_rad(&motion()) - step.fixed_rows::<3>(0).norm()).abs()

@@ -1,4 +1,4 @@
-//! Silhouettes that say nothing below a line.
+//! Silhouettes that are open below a line: there they carve nothing.
 //!
 //! A silhouette ends at the pedestal's top, but the grain does not: a little of it is embedded, and just above the top
 //! the pedestal's blurred light mixes with the grain's. A pose must not carve there what another pose shows.
@@ -26,7 +26,7 @@ const SPREAD: f64 = 2.0;
 const STEP_PX: f64 = 0.5;
 
 impl Cut {
-    /// How far a place of the picture lies above the line, pixels; negative below it.
+    /// How far a point of the picture lies above the line, pixels; negative below it.
     #[inline]
     pub fn above_px(&self, [column, row]: [f64; 2]) -> f64 {
         (self.row_px + self.slope * (column - self.column_px) - row) / self.slope.hypot(1.0)
@@ -43,7 +43,7 @@ impl Cut {
         Some([first, inside.next_back().unwrap_or(first)])
     }
 
-    /// The silhouette with what the pedestal may hide counted as inside: below the line, under the place where the
+    /// The silhouette with what the pedestal may hide counted as inside: below the line, under the point where the
     /// grain goes through it and some way to either side, down to a tenth of the silhouette's height. The rectangle
     /// may reach beyond the picture.
     pub fn opened(&self, s: &Silhouette) -> Silhouette {

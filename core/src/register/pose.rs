@@ -2,14 +2,14 @@
 
 use super::field::{Field, Moments};
 use super::rims::{Rim, rims};
-use super::{Cut, Motion, RegisterError};
-use crate::geometry::{Point, Projection};
+use super::view::PoseView;
+use super::{Motion, RegisterError};
+use crate::geometry::Point;
 use crate::hull::{Cone, HullError, HullGrid, VisualHull, find_bounds};
-use crate::silhouette::Silhouette;
 use std::sync::Arc;
 
 /// Cells along the hull's longest edge: of the grid whose surface is sampled, of the lattice for the search, and of
-/// the one that tells the centroid.
+/// the one for the centroid.
 const SURFACE_CELLS: f64 = 64.0;
 const FIELD_CELLS: usize = 72;
 const MOMENT_CELLS: usize = 40;
@@ -17,34 +17,6 @@ const MOMENT_CELLS: usize = 40;
 const ROOM: f64 = 0.1;
 /// Samples of the surface.
 const SAMPLES: usize = 360;
-
-/// A view of a pose.
-#[derive(Debug, Clone)]
-pub struct PoseView {
-    /// The camera.
-    pub projection: Projection,
-    /// The outline.
-    pub silhouette: Arc<Silhouette>,
-    /// Where the view stops to show the grain by itself; absent where it shows all of it.
-    pub cut: Option<Cut>,
-}
-
-impl PoseView {
-    /// The view's cone, which leaves alone what the view does not show.
-    fn open(&self) -> Cone {
-        let silhouette = match &self.cut {
-            Some(cut) => Arc::new(cut.opened(&self.silhouette)),
-            None => Arc::clone(&self.silhouette),
-        };
-        Cone::new(self.projection.clone(), silhouette)
-    }
-
-    /// Whether the view shows this place's surroundings, `margin_px` above its cut.
-    pub(super) fn shows(&self, p: &Point, margin_px: f64) -> bool {
-        let Some(cut) = &self.cut else { return true };
-        self.projection.project(p).is_some_and(|q| cut.above_px(q) > margin_px)
-    }
-}
 
 /// All views of one pose of a grain.
 #[derive(Debug, Clone)]
@@ -108,7 +80,7 @@ impl Pose {
     }
 }
 
-/// Places evenly spread over the area of the triangles that `keep`s.
+/// Points evenly spread over the area of the triangles that `keep`s.
 fn sampled(triangles: &[[Point; 3]], keep: impl Fn(&Point) -> bool) -> Vec<Point> {
     let middle = |[a, b, c]: &[Point; 3]| Point::from((a.coords + b.coords + c.coords) / 3.0);
     let kept: Vec<(Point, f64)> = (triangles.iter())

@@ -1,18 +1,19 @@
-//! The rays that touch the grain: whether two hulls together still fill a silhouette up to its outline.
+//! Rim rays, which touch the grain: whether two hulls together still fill a silhouette up to its outline.
 //!
-//! The ray through a place on an outline touches the grain, so some place on it belongs to every hull of the grain.
+//! The ray through a point on an outline touches the grain, so some point on it belongs to every hull of the grain.
 //! Where two hulls are put together wrongly, all of the ray lies outside of one or the other: what is missing at the
-//! best place of the ray is how far the silhouette is not filled there.
+//! best point of the ray is how far the silhouette is not filled there.
 
 use super::fit::Term;
-use super::{Motion, PoseView, RegisterError, field};
+use super::view::PoseView;
+use super::{Motion, RegisterError, field};
 use crate::geometry::{Aabb, ImplicitBody, Point, Vector};
 use crate::hull::{HullError, VisualHull};
 use rayon::prelude::*;
 
 /// Rays of one view.
 const PER_VIEW: usize = 44;
-/// Places looked at along the whole ray, and kept along the part of it that matters.
+/// Points looked at along the whole ray, and kept along the part of it that matters.
 const ALONG: usize = 64;
 const KEPT: usize = 16;
 /// The part that matters: where the own hull is no farther than this share of its size.
@@ -38,7 +39,7 @@ pub(super) struct Rim {
 struct Gap {
     /// The least, along the ray, of the greater of both values, mm.
     value: f64,
-    place: Point,
+    point: Point,
     /// How much of a change of the other hull's value changes this one.
     share: f64,
 }
@@ -67,7 +68,7 @@ impl Rim {
                 }
             }
         }
-        Gap { value: best.0, place: self.at(best.1), share: best.2 }
+        Gap { value: best.0, point: self.at(best.1), share: best.2 }
     }
 
     /// What the other hull takes away beyond what is missing already, mm.
@@ -81,13 +82,13 @@ pub(super) fn rims(views: &[PoseView], body: &VisualHull) -> Result<Vec<Rim>, Re
     let bounds = body.bounds.grown(0.02 * body.bounds.size().max());
     let of_view = |(number, view): (usize, &PoseView)| {
         let middle = |[a, b]: &[[f64; 2]; 2]| [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
-        let places: Vec<[f64; 2]> = (view.silhouette.segments().iter().map(middle))
+        let points: Vec<[f64; 2]> = (view.silhouette.segments().iter().map(middle))
             .filter(|q| view.cut.is_none_or(|cut| cut.above_px(*q) > ABOVE_CUT_PX))
             .collect();
-        let each = (places.len() as f64 / PER_VIEW as f64).max(1.0);
+        let each = (points.len() as f64 / PER_VIEW as f64).max(1.0);
         let picked =
-            (0_u32..).map(|k| ((f64::from(k) + 0.5) * each) as usize).take_while(|n| *n < places.len());
-        picked.filter_map(|n| rim(number, view, places[n], body, &bounds)).collect::<Vec<_>>()
+            (0_u32..).map(|k| ((f64::from(k) + 0.5) * each) as usize).take_while(|n| *n < points.len());
+        picked.filter_map(|n| rim(number, view, points[n], body, &bounds)).collect::<Vec<_>>()
     };
     let all: Vec<Vec<Rim>> = views.par_iter().enumerate().map(of_view).collect();
     if all.iter().any(Vec::is_empty) {
@@ -106,7 +107,7 @@ fn rim(number: usize, view: &PoseView, q: [f64; 2], body: &VisualHull, bounds: &
     let limit = values[best].max(0.0) + NEAR * bounds.size().max();
     let low = (0..=best).rev().take_while(|k| values[*k] <= limit).last()?;
     let high = (best..ALONG).take_while(|k| values[*k] <= limit).last()?;
-    // Half a step more: a lone place needs surroundings too.
+    // Half a step more: a lone point needs surroundings too.
     let from = near + (low as f64 - 0.5) * step;
     let part = (high - low + 1) as f64 * step / (KEPT - 1) as f64;
     let (first, step) = (start + direction * from, direction * part);
@@ -144,25 +145,25 @@ pub(super) struct Seen<'a> {
 pub(super) fn terms(a: Seen, b: Seen, motion: &Motion, about: &Point, step_mm: f64) -> Vec<Term> {
     let back = motion.inverse();
     let of_a = |rim: &Rim| {
-        let gap = rim.gap(|p| b.body.value(&back.place(p)));
+        let gap = rim.gap(|p| b.body.value(&back.transform(p)));
         let residual = (gap.value - rim.lacks_mm).max(0.0);
         let gradient = if residual > 0.0 && gap.share > 0.0 {
-            motion.rotation * field::gradient(b.body, &back.place(&gap.place), step_mm) * -gap.share
+            motion.rotation * field::gradient(b.body, &back.transform(&gap.point), step_mm) * -gap.share
         } else {
             Vector::zeros()
         };
-        Term::moving(residual, &gap.place, about, &gradient)
+        Term::moving(residual, &gap.point, about, &gradient)
     };
     let of_b = |rim: &Rim| {
-        let gap = rim.gap(|p| a.body.value(&motion.place(p)));
+        let gap = rim.gap(|p| a.body.value(&motion.transform(p)));
         let residual = (gap.value - rim.lacks_mm).max(0.0);
-        let place = motion.place(&gap.place);
+        let point = motion.transform(&gap.point);
         let gradient = if residual > 0.0 && gap.share > 0.0 {
-            field::gradient(a.body, &place, step_mm) * gap.share
+            field::gradient(a.body, &point, step_mm) * gap.share
         } else {
             Vector::zeros()
         };
-        Term::moving(residual, &place, about, &gradient)
+        Term::moving(residual, &point, about, &gradient)
     };
     let mut all: Vec<Term> = a.rims.par_iter().map(of_a).collect();
     all.par_extend(b.rims.par_iter().map(of_b));

@@ -1,4 +1,4 @@
-//! The search for the motion: everywhere coarsely, then better and better at the best places.
+//! Global search over rigid motions: all turns coarsely, then refinement of the best candidates.
 
 use super::field;
 use super::fit::{Control, Fitted, Term, fit};
@@ -17,7 +17,7 @@ const COARSE_CAP: f64 = 0.08;
 /// Turns nearer to a better one than this are not followed: before the surfaces are fitted, and after.
 const SAME_BEFORE_RAD: f64 = 0.14;
 const SAME_AFTER_RAD: f64 = 0.07;
-/// Places that are followed: by the surfaces, by the outlines, and by the outlines with the exact hulls.
+/// Candidates that are followed: by the surfaces, by the outlines, and by the outlines with the exact hulls.
 const BY_SURFACES: usize = 60;
 const BY_OUTLINES: usize = 16;
 const EXACTLY: usize = 3;
@@ -43,11 +43,11 @@ pub(super) fn candidates(a: &Pose, b: &Pose, progress: &mut dyn FnMut(f64)) -> V
         .collect();
     progress(0.2);
     let kept = distinct(scored, SAME_BEFORE_RAD, BY_SURFACES);
-    let control = |knee_mm, stage: usize| Control {
+    let control = |knee_mm, phase: usize| Control {
         about: a.moments.centre,
         reach_mm: 0.5 * a.size_mm,
         knee_mm,
-        steps: STEPS[stage],
+        steps: STEPS[phase],
     };
     let size = 0.5 * (a.size_mm + b.size_mm);
     let surfaces = control(SURFACE_KNEE * size, 0);
@@ -136,8 +136,8 @@ fn coarse_cost(a: &Pose, b: &Pose, motion: &Motion) -> f64 {
         let count = picked.len().max(1) as f64;
         picked.map(|p| value(p).abs().min(cap)).sum::<f64>() / count
     };
-    every(&b.samples, &|p| a.field.value(&motion.place(p)))
-        + every(&a.samples, &|p| b.field.value(&back.place(p)))
+    every(&b.samples, &|p| a.field.value(&motion.transform(p)))
+        + every(&a.samples, &|p| b.field.value(&back.transform(p)))
 }
 
 /// How far the samples of each surface lie from the other.
@@ -145,11 +145,11 @@ fn surface_terms(a: &Pose, b: &Pose, motion: &Motion, about: &Point) -> Vec<Term
     let back = motion.inverse();
     let step = 0.006 * a.size_mm;
     let of_b = b.samples.iter().map(|p| {
-        let q = motion.place(p);
+        let q = motion.transform(p);
         Term::moving(a.field.value(&q), &q, about, &field::gradient(&a.field, &q, step))
     });
     let of_a = a.samples.iter().map(|p| {
-        let q = back.place(p);
+        let q = back.transform(p);
         let gradient = motion.rotation * field::gradient(&b.field, &q, step);
         Term::moving(b.field.value(&q), p, about, &-gradient)
     });

@@ -19,7 +19,7 @@ impl Bitmap {
         Self { width, height, pixels: vec![255; 3 * width * height] }
     }
 
-    /// Mixes a colour into a pixel; a place outside is left out.
+    /// Mixes a colour into a pixel; a point outside is left out.
     fn mix(&mut self, x: usize, y: usize, share: f64, ink: Ink) {
         if x < self.width && y < self.height {
             let k = 3 * (y * self.width + x);
@@ -81,7 +81,7 @@ impl Bitmap {
     }
 }
 
-/// Distance of a place from a segment.
+/// Distance of a point from a segment.
 fn distance(p: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
     let along = [b[0] - a[0], b[1] - a[1]];
     let length2 = along[0] * along[0] + along[1] * along[1];
@@ -107,8 +107,8 @@ impl Canvas for Bitmap {
         }
     }
 
-    fn line(&mut self, places: &[[f64; 2]], width: f64, ink: Ink) {
-        let segments: Vec<[[f64; 2]; 2]> = places.windows(2).map(|w| [w[0], w[1]]).collect();
+    fn line(&mut self, points: &[[f64; 2]], width: f64, ink: Ink) {
+        let segments: Vec<[[f64; 2]; 2]> = points.windows(2).map(|w| [w[0], w[1]]).collect();
         self.segments(&segments, width, ink);
     }
 

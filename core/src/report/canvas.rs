@@ -8,7 +8,7 @@ pub(super) const LINE: f64 = 18.0;
 /// Red, green, blue.
 pub(super) type Ink = [u8; 3];
 
-/// Where a text's given place lies.
+/// Where a text's given point lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Anchor {
     Left,
@@ -31,15 +31,15 @@ impl Anchor {
 /// Something to draw on; columns to the right, rows down, in pixels.
 pub(super) trait Canvas {
     /// Fills a rectangle: left, top, width, height.
-    fn rectangle(&mut self, place: [f64; 4], ink: Ink);
-    /// Draws a line of this width through these places.
-    fn line(&mut self, places: &[[f64; 2]], width: f64, ink: Ink);
+    fn rectangle(&mut self, corners: [f64; 4], ink: Ink);
+    /// Draws a line of this width through these points.
+    fn line(&mut self, points: &[[f64; 2]], width: f64, ink: Ink);
     /// Fills a polygon.
     fn polygon(&mut self, corners: &[[f64; 2]], ink: Ink);
     /// Fills a circle.
     fn disc(&mut self, center: [f64; 2], radius: f64, ink: Ink);
     /// Writes a line of text whose middle height is at the given row.
-    fn text(&mut self, place: [f64; 2], anchor: Anchor, text: &str, ink: Ink);
+    fn text(&mut self, point: [f64; 2], anchor: Anchor, text: &str, ink: Ink);
 
     /// Draws a line that is interrupted every few pixels.
     fn dashed(&mut self, from: [f64; 2], to: [f64; 2], width: f64, ink: Ink) {

@@ -50,7 +50,7 @@ impl FieldPicture {
     /// The picture as a PNG file.
     ///
     /// # Errors
-    /// What the encoder says.
+    /// The encoder's message.
     pub fn png(&self) -> Result<Vec<u8>, image::ImageError> {
         let corners = || self.cuts.iter().flat_map(|c| &c.polygons).flat_map(|p| &p.0);
         let reach = |k: usize| {
@@ -67,11 +67,11 @@ impl FieldPicture {
             let scale = EDGE * (1.0 - 2.0 * AROUND) / side;
             for (k, cut) in self.cuts.iter().enumerate() {
                 let middle = [EDGE * (k as f64 + 0.5), ABOVE + 0.5 * high];
-                let place = |c: &[f64; 2]| {
+                let to_canvas = |c: &[f64; 2]| {
                     let off = [c[0] - 0.5 * (across.0 + across.1), c[1] - 0.5 * (up.0 + up.1)];
                     [middle[0] + scale * off[0], middle[1] - scale * off[1]]
                 };
-                cut.draw(&mut canvas, &place, EDGE * k as f64, ABOVE + high + 12.0);
+                cut.draw(&mut canvas, &to_canvas, EDGE * k as f64, ABOVE + high + 12.0);
             }
         }
         canvas.png()
@@ -79,15 +79,15 @@ impl FieldPicture {
 }
 
 impl FieldCut {
-    fn draw(&self, canvas: &mut Bitmap, place: &dyn Fn(&[f64; 2]) -> [f64; 2], left: f64, top: f64) {
+    fn draw(&self, canvas: &mut Bitmap, to_canvas: &dyn Fn(&[f64; 2]) -> [f64; 2], left: f64, top: f64) {
         canvas.text([left + 14.0, 42.0], Anchor::Left, &self.caption, BLACK);
         let [low, high] = self.range;
         for (corners, value) in &self.polygons {
-            let corners: Vec<[f64; 2]> = corners.iter().map(place).collect();
+            let corners: Vec<[f64; 2]> = corners.iter().map(to_canvas).collect();
             canvas.polygon(&corners, colour((value - low) / (high - low)));
         }
         for level in &self.levels {
-            let y = place(&[0.0, *level])[1];
+            let y = to_canvas(&[0.0, *level])[1];
             canvas.line(&[[left + 8.0, y], [left + EDGE - 8.0, y]], 2.0, GREY);
         }
         let bar = EDGE - 160.0;

@@ -40,7 +40,7 @@ pub fn mesh_sheet(title: String, spread: &Spread, quality: &Quality, figures: Ve
 fn panel(title: &str, abscissa: &str, histogram: &Histogram, marks: Vec<Mark>) -> Panel {
     let total = histogram.counts.iter().sum::<u64>().max(1) as f64;
     let width = (histogram.high - histogram.low) / histogram.counts.len() as f64;
-    // Stairs: two places for each bin.
+    // Stairs: two points for each bin.
     let points = histogram
         .counts
         .iter()

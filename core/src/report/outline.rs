@@ -2,7 +2,7 @@
 
 use super::bitmap::Bitmap;
 use super::canvas::{Anchor, Canvas as _, Ink, LETTER, LINE};
-use crate::silhouette::{PedestalSeen, Silhouette, Source};
+use crate::silhouette::{PedestalOutline, Silhouette, Source};
 
 /// Longest side of a drawn picture, pixels: small enough for a page of 26 of them.
 const LONGEST: usize = 1000;
@@ -37,8 +37,8 @@ pub struct Shot {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Marks<'a> {
     /// The pedestal that was cut off.
-    pub pedestal: Option<&'a PedestalSeen>,
-    /// The rotation axis: a place on it (column, row) and the roll, radians.
+    pub pedestal: Option<&'a PedestalOutline>,
+    /// The rotation axis: a point on it (column, row) and the roll, radians.
     pub axis: Option<([f64; 2], f64)>,
     /// What stands below the picture.
     pub caption: &'a str,
@@ -81,7 +81,7 @@ impl Shot {
     /// The photograph with the outline over it, as PNG.
     ///
     /// # Errors
-    /// What the encoder says.
+    /// The encoder's message.
     pub fn drawn(&self, silhouette: &Silhouette, marks: &Marks) -> Result<Vec<u8>, image::ImageError> {
         let larger = (LONGEST / self.size[0].max(self.size[1])).clamp(1, LARGEST_PIXEL);
         let [w, h] = self.size.map(|s| s * larger);
@@ -97,21 +97,22 @@ impl Shot {
         }
         // From the picture's pixels to the drawing's, middle to middle.
         let scale = larger as f64 / self.reduced as f64;
-        let place = |p: [f64; 2]| -> [f64; 2] {
+        let to_canvas = |p: [f64; 2]| -> [f64; 2] {
             std::array::from_fn(|k| (p[k] - self.origin[k] as f64 + 0.5) * scale - 0.5)
         };
         if let Some(([column, row], roll)) = marks.axis {
             // With a positive roll the axis leans to smaller columns towards the top.
             let at = |y: usize| [column + roll.tan() * (y as f64 - row), y as f64];
             let (top, low) = (self.origin[1], self.origin[1] + self.size[1] * self.reduced - 1);
-            out.dashed(place(at(top)), place(at(low)), 1.2, AXIS);
+            out.dashed(to_canvas(at(top)), to_canvas(at(low)), 1.2, AXIS);
         }
         if let Some(p) = marks.pedestal {
             let half = (1.0 + BEYOND) * p.half_width;
             let at = |x: f64| [p.centre_column + x, p.top_row + p.top_slope * x];
-            out.line(&[place(at(-half)), place(at(half))], 1.2, CUT);
+            out.line(&[to_canvas(at(-half)), to_canvas(at(half))], 1.2, CUT);
         }
-        let segments: Vec<[[f64; 2]; 2]> = silhouette.segments().into_iter().map(|s| s.map(place)).collect();
+        let segments: Vec<[[f64; 2]; 2]> =
+            silhouette.segments().into_iter().map(|s| s.map(to_canvas)).collect();
         out.segments(&segments, 1.4, OUTLINE);
         let width = out.width as f64;
         out.rectangle([0.0, h as f64, width, strip as f64], [255; 3]);

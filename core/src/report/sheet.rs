@@ -16,7 +16,7 @@ const BLACK: Ink = [0; 3];
 const GREY: Ink = [120; 3];
 const LIGHT: Ink = [228; 3];
 const WARNING: Ink = [180, 0, 0];
-/// Colours of series and marks that colour-blind readers tell apart (Okabe & Ito 2008).
+/// Colours of series and marks that colour-blind readers distinguish (Okabe & Ito 2008).
 const INKS: [Ink; 5] = [[0, 114, 178], [213, 94, 0], [0, 158, 115], [204, 121, 167], [86, 86, 86]];
 
 /// A sheet: diagrams two by two, then figures, then warnings.
@@ -72,7 +72,7 @@ pub struct Point {
 pub enum Mark {
     /// At a value, from left to right.
     Level(String, f64),
-    /// At a place, from top to bottom.
+    /// At a value of the horizontal axis, from top to bottom.
     Upright(String, f64),
 }
 
@@ -87,7 +87,7 @@ impl Sheet {
     /// The sheet as a PNG file.
     ///
     /// # Errors
-    /// What the encoder says.
+    /// The encoder's message.
     pub fn png(&self) -> Result<Vec<u8>, image::ImageError> {
         let mut canvas = Bitmap::new(self.size());
         self.draw(&mut canvas);
@@ -152,7 +152,7 @@ struct Scale {
 }
 
 impl Scale {
-    /// A scale that holds all these values, from one place to another, with room at both ends.
+    /// A scale that holds all these values, with room at both ends.
     fn over(values: impl Iterator<Item = f64>, from: f64, to: f64, room: f64) -> Self {
         let (low, high) = (values.filter(|v| v.is_finite()))
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
@@ -226,7 +226,7 @@ impl Panel {
             let ink = INKS[(self.series.len() + k) % INKS.len()];
             let (name, from, to) = match mark {
                 Mark::Level(name, value) => (name, [x0, up.at(*value)], [x1, up.at(*value)]),
-                Mark::Upright(name, place) => (name, [across.at(*place), y0], [across.at(*place), y1]),
+                Mark::Upright(name, value) => (name, [across.at(*value), y0], [across.at(*value), y1]),
             };
             named(canvas, name, ink);
             canvas.dashed(from, to, 1.4, ink);
@@ -238,8 +238,8 @@ impl Series {
     fn draw(&self, canvas: &mut dyn Canvas, across: &Scale, up: &Scale, ink: Ink) {
         let finite = || self.points.iter().filter(|p| p.x.is_finite() && p.y.is_finite());
         if self.joined {
-            let places: Vec<[f64; 2]> = finite().map(|p| [across.at(p.x), up.at(p.y)]).collect();
-            canvas.line(&places, 1.4, ink);
+            let points: Vec<[f64; 2]> = finite().map(|p| [across.at(p.x), up.at(p.y)]).collect();
+            canvas.line(&points, 1.4, ink);
             return;
         }
         for p in finite() {

@@ -44,9 +44,9 @@ impl Canvas for Svg {
         ));
     }
 
-    fn line(&mut self, places: &[[f64; 2]], width: f64, ink: Ink) {
-        let points: Vec<String> = places.iter().map(|[x, y]| format!("{x:.2},{y:.2}")).collect();
-        let (points, ink) = (points.join(" "), colour(ink));
+    fn line(&mut self, points: &[[f64; 2]], width: f64, ink: Ink) {
+        let listed: Vec<String> = points.iter().map(|[x, y]| format!("{x:.2},{y:.2}")).collect();
+        let (points, ink) = (listed.join(" "), colour(ink));
         self.push(format_args!(
             "<polyline points=\"{points}\" fill=\"none\" stroke=\"{ink}\" stroke-width=\"{width:.2}\"/>"
         ));

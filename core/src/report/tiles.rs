@@ -40,7 +40,7 @@ impl Tiles {
     /// The pictures as a PNG file.
     ///
     /// # Errors
-    /// What the encoder says.
+    /// The encoder's message.
     pub fn png(&self) -> Result<Vec<u8>, image::ImageError> {
         let mut canvas = Bitmap::new(self.size());
         self.draw(&mut canvas);
@@ -53,8 +53,8 @@ impl Tiles {
 
     fn draw(&self, canvas: &mut dyn Canvas) {
         canvas.text([12.0, 18.0], Anchor::Left, &self.title, BLACK);
-        let places = || self.tiles.iter().flat_map(|t| &t.polygons).flat_map(|(p, _)| p);
-        let reach = places().flat_map(|p| p.map(f64::abs)).fold(f64::MIN_POSITIVE, f64::max);
+        let points = || self.tiles.iter().flat_map(|t| &t.polygons).flat_map(|(p, _)| p);
+        let reach = points().flat_map(|p| p.map(f64::abs)).fold(f64::MIN_POSITIVE, f64::max);
         let scale = (0.5 - AROUND) * EDGE / reach;
         for (k, tile) in self.tiles.iter().enumerate() {
             let middle = [EDGE * (k as f64 + 0.5), ABOVE + 0.5 * EDGE];

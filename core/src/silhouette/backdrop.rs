@@ -1,4 +1,4 @@
-//! What the picture would show without the grain: a smooth surface through the background, on top of the
+//! Background model, what the picture would show without the grain: a smooth surface through the background, on top of the
 //! picture of the empty stage where there is one.
 
 use super::reduced::Reduced;
@@ -154,7 +154,7 @@ impl Backdrop {
     }
 }
 
-/// The terms' factors at a place, and the level there.
+/// The basis functions at a position, and the level there.
 type Sample = ([f64; TERMS], f64);
 
 /// The terms that fit best.

@@ -1,4 +1,4 @@
-//! Which combination of colours is looked at.
+//! Colour channels and differences of channels.
 
 use serde::{Deserialize, Serialize};
 

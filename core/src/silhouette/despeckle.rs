@@ -1,4 +1,4 @@
-//! Takes out single wrong pixels (dead ones, dust, salt and pepper) and leaves all others as they are.
+//! Conditional 3×3 median filter: takes out single wrong pixels (dead ones, dust, salt and pepper) and leaves all others.
 
 use super::plane::{PER_LEVEL, Plane};
 use rayon::prelude::*;

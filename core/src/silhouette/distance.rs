@@ -1,4 +1,4 @@
-//! Exact signed distance to an outline given by a field that is 0 on it.
+//! Signed distance transform of an outline given by a field that is 0 on it, pixels.
 //!
 //! Near the outline each pixel measures its distance to the outline's segments (marching squares). Further
 //! away the nearest crossing of the outline with a grid line is enough: crossings are at most √2 px apart, so

@@ -1,4 +1,4 @@
-//! What can go wrong between a picture and its silhouette.
+//! Errors of segmentation.
 
 use super::Channel;
 

@@ -1,4 +1,4 @@
-//! The silhouette as a signed distance: what the hull carves with.
+//! The silhouette as a signed distance field.
 
 use super::distance;
 
@@ -17,7 +17,7 @@ pub struct Silhouette {
 }
 
 impl Silhouette {
-    /// Signed distance (pixels) at a place in the picture (column, row; the first pixel's centre is (0, 0)):
+    /// Signed distance (pixels) at a point of the picture (column, row; the first pixel's centre is (0, 0)):
     /// bilinear inside the rectangle; outside it a lower bound of the distance, positive and growing.
     #[inline]
     pub fn signed_distance_px(&self, [u, v]: [f64; 2]) -> f64 {
@@ -54,7 +54,7 @@ impl Silhouette {
             && self.distance_px[(row - self.origin[1]) * self.size[0] + column - self.origin[0]] < 0.0
     }
 
-    /// The outline as segments between places (column, row), one or two for each four neighbouring pixel centres that
+    /// The outline as segments between points (column, row), one or two for each four neighbouring pixel centres that
     /// it passes between; those of one outline join end to end.
     pub fn segments(&self) -> Vec<[[f64; 2]; 2]> {
         let [w, h] = self.size;
@@ -67,10 +67,10 @@ impl Silhouette {
                 if corners.iter().all(|c| (*c < 0.0) == (d[k] < 0.0)) {
                     continue;
                 }
-                let place = |[i, j]: [f32; 2]| {
+                let position = |[i, j]: [f32; 2]| {
                     [(self.origin[0] + x) as f64 + f64::from(i), (self.origin[1] + y) as f64 + f64::from(j)]
                 };
-                out.extend(distance::segments(corners).into_iter().flatten().map(|s| s.map(place)));
+                out.extend(distance::segments(corners).into_iter().flatten().map(|s| s.map(position)));
             }
         }
         out

@@ -1,17 +1,18 @@
-//! The order of the steps from a picture to its silhouette.
+//! Segmentation: the order of the steps from a picture to its silhouette.
 
-use super::frame::{self, Rect};
+use super::frame;
 use super::mask::{Connect, Mask};
-use super::outline::Parts;
+use super::outline::OutlineInput;
 use super::pedestal::{self, Pedestal};
 use super::plane::Plane;
+use super::rect::Rect;
 use super::reduced::Reduced;
-use super::report::{PedestalSeen, Report};
+use super::report::{PedestalOutline, Report};
 use super::search::{Scene, search};
 use super::{
     Classes, Histogram, Holes, PedestalMode, Polarity, Settings, Silhouette, SilhouetteError, Source, Uncut,
 };
-use super::{despeckle, distance, holes, outline, pieces, plain, recut, shine};
+use super::{despeckle, distance, highlights, holes, otsu_area, outline, pieces};
 
 /// A threshold this many standard deviations above the background is clear of its noise.
 const CLEAR_SIGMAS: f64 = 6.0;
@@ -33,9 +34,9 @@ const WEAK_SEPARABILITY: f64 = 0.7;
 /// Bins of the histogram that is kept for a person's eye.
 const HISTOGRAM_BINS: usize = 128;
 
-/// A silhouette and how it was got.
+/// The segmentation of one picture: the silhouette, how it was got, and what a recut needs.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Found {
+pub struct Segmentation {
     /// The outline of the grain.
     pub silhouette: Silhouette,
     /// How it was found.
@@ -61,7 +62,7 @@ pub fn find(
     picture: &dyn Source,
     background: Option<&dyn Source>,
     settings: &Settings,
-) -> Result<Found, SilhouetteError> {
+) -> Result<Segmentation, SilhouetteError> {
     settings.check()?;
     let shape = picture.shape();
     if let Some(empty) = background.map(Source::shape)
@@ -138,7 +139,7 @@ fn look(
     let low = three.map_or(two.threshold, |t| t.thresholds[0]);
     let threshold = match settings.classes {
         Classes::Three => low,
-        Classes::Auto => histogram.quiet(clear, two.threshold).map_or(two.threshold, |q| q.threshold),
+        Classes::Auto => histogram.valley(clear, two.threshold).map_or(two.threshold, |q| q.threshold),
         Classes::Two => two.threshold,
     };
     let mut smooth = plane.smoothed();
@@ -160,7 +161,7 @@ fn look(
         let largest = grain.largest();
         let level = mean_level(&plane, &largest);
         let limit = (clear * f64::from(super::plane::PER_LEVEL)) as i16;
-        if shine::darken(&mut plane, picture, &largest, &smooth, limit, level as i16) {
+        if highlights::darken(&mut plane, picture, &largest, &smooth, limit, level as i16) {
             smooth = pedestal.map_or_else(|| plane.smoothed(), |p| pedestal::smoothed(&plane, &p));
             occupied.bits = above(&smooth);
             grain = occupied.clone();
@@ -244,7 +245,7 @@ fn finish(
     scene: &Scene,
     settings: &Settings,
     seen: &Seen,
-) -> Result<Found, SilhouetteError> {
+) -> Result<Segmentation, SilhouetteError> {
     let Seen { plane, occupied, grain, pedestal, .. } = seen;
     // The grain together with the pedestal below it, so that the cut is the only edge between them.
     let mut body = grain.clone();
@@ -286,25 +287,17 @@ fn finish(
         |x: f64, y: f64| y < clear || pedestal.is_none_or(|p| p.below_top(x, y).is_none_or(|d| d <= 0.0));
     let otsu = [seen.threshold_two, seen.thresholds_three[0]];
     [report.area_otsu_two_px, report.area_otsu_three_px] =
-        otsu.map(|threshold| plain::area_px(plane, &silhouette, threshold, above));
+        otsu.map(|threshold| otsu_area::area_px(plane, &silhouette, threshold, above));
     let shift = |area: f64| (area - report.area_px) / report.outline_length_px.max(1.0);
     report.shift_otsu_two_px = shift(report.area_otsu_two_px);
     report.shift_otsu_three_px = shift(report.area_otsu_three_px);
     let uncut =
-        placed.uncut.zip(report.pedestal).map(|(whole, p)| uncut(&whole, placed.origin[1], p.top_row));
-    Ok(Found { silhouette, report, uncut, histogram: seen.histogram.clone(), blur_px: placed.blur_px })
-}
-
-/// The last rows of a silhouette's rectangle, from a little above the pedestal's top on, before the cut.
-fn uncut(whole: &outline::Field, first_row: usize, top_row: f64) -> Uncut {
-    let outline::Field { width, height, values } = whole;
-    let above = (top_row.max(0.0) as usize).saturating_sub(first_row + recut::ROWS);
-    let first = above.min(*height);
-    Uncut { first, values: values[first * width..].to_vec() }
+        placed.uncut.zip(report.pedestal).map(|(whole, p)| Uncut::of(&whole, placed.origin[1], p.top_row));
+    Ok(Segmentation { silhouette, report, uncut, histogram: seen.histogram.clone(), blur_px: placed.blur_px })
 }
 
 /// An outline in the rectangle around it.
-struct Placed {
+struct PlacedOutline {
     field: outline::Field,
     /// The same before the pedestal was cut off, where there is one.
     uncut: Option<outline::Field>,
@@ -315,7 +308,7 @@ struct Placed {
 }
 
 /// Places the outline about a body within a window of the region, of which `whole` matters. `None` where nothing is left of the body, or the window turns out to be too small for it.
-fn place(seen: &Seen, body: &Mask, window: &Rect, whole: &Rect) -> Option<Placed> {
+fn place(seen: &Seen, body: &Mask, window: &Rect, whole: &Rect) -> Option<PlacedOutline> {
     let Seen { plane, occupied, pedestal, .. } = seen;
     // Whether so many pixels around a part of the window are in it too, as far as they matter.
     let holds = |part: &Rect, around: usize| {
@@ -349,7 +342,7 @@ fn place(seen: &Seen, body: &Mask, window: &Rect, whole: &Rect) -> Option<Placed
         };
         let field = outline::place(
             &plane,
-            &Parts {
+            &OutlineInput {
                 body: &body,
                 band,
                 blur: blur_px,
@@ -389,7 +382,7 @@ fn place(seen: &Seen, body: &Mask, window: &Rect, whole: &Rect) -> Option<Placed
         height: part.height(),
         values: part.part_of(&field.values, field.width),
     };
-    Some(Placed { field: cropped(&field), uncut: uncut.as_ref().map(cropped), origin, blur_px })
+    Some(PlacedOutline { field: cropped(&field), uncut: uncut.as_ref().map(cropped), origin, blur_px })
 }
 
 /// Pixels around an outline's extent in which distances are given.
@@ -419,7 +412,7 @@ fn report(frame: &Rect, scene: &Scene, seen: &Seen, silhouette: &Silhouette) -> 
     }
     let pedestal = seen.pedestal.map(|p| {
         let (centre, half_width) = p.centre();
-        PedestalSeen {
+        PedestalOutline {
             top_row: r.y0 as f64 + p.top_at(centre),
             top_slope: p.top[1],
             centre_column: r.x0 as f64 + centre,

@@ -3,7 +3,7 @@
 use super::mask::{Component, Connect, Mask, Run};
 use super::plane::Plane;
 
-/// A gap smaller than this, square pixels, cannot be told from a speck.
+/// A gap smaller than this, square pixels, cannot be distinguished from a speck.
 const LEAST_GAP_PX: usize = 30;
 /// The same as a share of the grain's area.
 const LEAST_GAP_SHARE: f64 = 2e-4;

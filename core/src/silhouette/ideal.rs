@@ -1,4 +1,4 @@
-//! Silhouettes that were computed rather than photographed.
+//! Silhouettes from computed coverage rather than a photograph.
 
 use super::distance;
 use super::field::Silhouette;

@@ -1,6 +1,6 @@
 //! Pixel-accurate masks: connected components by runs (He, Chao & Suzuki 2008), and square erosion.
 
-use super::frame::Rect;
+use super::rect::Rect;
 use memchr::{memchr, memrchr};
 use rayon::prelude::*;
 

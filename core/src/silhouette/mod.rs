@@ -1,4 +1,4 @@
-//! From a photograph to the outline of the grain.
+//! Segmentation: from a photograph to the signed distance from the grain's outline, and whether the view is good.
 //!
 //! ```text
 //! source ─▶ frame ─▶ reduced ─▶ backdrop, channel, polarity, region ─▶ plane (full resolution, region only)
@@ -13,46 +13,41 @@ mod backdrop;
 mod channel;
 mod despeckle;
 mod distance;
-mod edge;
 mod error;
 mod field;
 mod find;
 mod frame;
+mod highlights;
 mod holes;
 mod ideal;
 mod mask;
-mod neighbours;
 mod otsu;
+mod otsu_area;
 mod outline;
 mod pedestal;
 mod picture;
 mod pieces;
-mod plain;
 mod plane;
 mod quality;
-mod quiet;
+mod rect;
 mod recut;
 mod reduced;
 mod report;
 mod search;
 mod settings;
-mod sharpness;
-mod shine;
-mod smear;
 mod source;
-mod stand;
+mod valley;
 
 pub use channel::Channel;
 pub use error::SilhouetteError;
 pub use field::Silhouette;
-pub use find::{Found, find};
-pub use neighbours::{Placed, against, between};
+pub use find::{Segmentation, find};
 pub use otsu::{Histogram, Split2, Split3};
+pub use pedestal::{ConsensusValue, PedestalConsensus, Uncut, pedestal_consensus};
 pub use picture::Picture;
-pub use quality::{Bound, Check, Traits, Verdict, ViewQuality, assess};
-pub use recut::Uncut;
-pub use report::{PedestalSeen, Report, Side};
+pub use quality::{
+    Bound, Check, Traits, Verdict, ViewQuality, ViewTraits, against, assess, between, sharpness,
+};
+pub use report::{PedestalOutline, Report, Side};
 pub use settings::{Classes, Holes, PedestalMode, Polarity, Settings};
-pub use sharpness::sharpness;
 pub use source::{Grid, Source};
-pub use stand::{Joint, Stand, joint_stand};

@@ -1,5 +1,17 @@
-//! Otsu's thresholds (N. Otsu, "A threshold selection method from gray-level histograms", IEEE Trans. Syst.
-//! Man Cybern. 9(1), 1979, eqs. 5–19 for two classes and 28–30 for three).
+//! Otsu's thresholds for two and three classes.
+//!
+//! With p(i) the share of the values in bin i, x(i) its middle, and for a class C of neighbouring bins
+//!
+//! ```text
+//! ω = Σ p(i),   M = Σ p(i) x(i),   μ = M/ω          (i in C);   μ_T, σ_T²: mean and variance of all
+//!
+//! two classes:    σ_B²(k)    = ω₀ ω₁ (μ₀ − μ₁)²
+//! three classes:  σ_B²(j, k) = M₀²/ω₀ + M₁²/ω₁ + M₂²/ω₂ − μ_T²
+//! threshold(s)  = arg max σ_B²,   separability η = σ_B²/σ_T²
+//! ```
+//!
+//! Source: N. Otsu, "A threshold selection method from gray-level histograms", IEEE Trans. Syst. Man Cybern. 9(1), 1979, eqs.
+//! 5–19 for two classes and 28–30 for three.
 
 /// A histogram of equal bins.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,8 +1,14 @@
-//! The outline between pixels: where the grey value is half-way between the grain and the background
+//! Subpixel outline: where the grey value is half-way between the grain and the background
 //! beside it.
 //!
 //! A single threshold is biased wherever the grain is shaded or the background uneven: with blur, a level
 //! off the middle by a tenth of the contrast moves the outline by about a quarter of the blur's width.
+//!
+//! ```text
+//! f = (½(g + b) − v) / (½(g − b)),  held to −1 … 1;   the outline is f = 0
+//! ```
+//!
+//! v is the smoothed value at a pixel, g the grain's level at the edge beside it and b the background's.
 
 use super::mask::{Connect, Mask};
 use super::plane::{PER_LEVEL, Plane};
@@ -15,7 +21,7 @@ pub(super) const IN_FOCUS: f64 = 1.0;
 /// The widest band: a picture that needs more shows no outline.
 pub(super) const WIDEST: usize = 16;
 /// How far from a body, pixels, anything matters to its outline within a band: where background is read, and what is
-/// occupied within the band's width of that place.
+/// occupied within the band's width of that pixel.
 pub(super) fn reach(band: usize) -> usize {
     deepest(band) + 2 * band
 }
@@ -48,8 +54,8 @@ pub(super) struct Field {
     pub values: Vec<f32>,
 }
 
-/// Which pixels belong to what, before the outline is placed between them.
-pub(super) struct Parts<'a> {
+/// Masks, levels and band from which the outline is placed between pixels.
+pub(super) struct OutlineInput<'a> {
     /// Pixels on both sides of the body's edge within which the outline is placed.
     pub band: usize,
     /// Standard deviation of the edge's blur in the smoothed values, pixels.
@@ -69,12 +75,12 @@ pub(super) struct Parts<'a> {
 }
 
 /// Places the outline.
-pub(super) fn place(plane: &Plane, parts: &Parts) -> Field {
+pub(super) fn place(plane: &Plane, parts: &OutlineInput) -> Field {
     let (w, h) = (plane.width, plane.height);
     let inner = parts.body.eroded(parts.band);
     let outer = parts.body.dilated(parts.band);
-    let taken = parts.occupied.dilated(parts.band);
-    let levels = Levels::read(plane, parts, &inner, &outer, &taken);
+    let occupied = parts.occupied.dilated(parts.band);
+    let levels = Levels::read(plane, parts, &inner, &outer, &occupied);
     let mut values = vec![0f32; w * h];
     values.par_chunks_mut(w).enumerate().for_each(|(y, out)| {
         for (x, value) in out.iter_mut().enumerate() {
@@ -99,8 +105,8 @@ struct Levels {
     background: Vec<[f32; 2]>,
 }
 
-/// Places within reach of a pixel, nearest first.
-struct Places {
+/// The offsets of the pixels within a radius, nearest first.
+struct Neighbourhood {
     reach: usize,
     /// Width and height of the plane.
     size: [usize; 2],
@@ -108,7 +114,7 @@ struct Places {
     list: Vec<([isize; 2], isize, usize)>,
 }
 
-impl Places {
+impl Neighbourhood {
     fn new(reach: usize, plane: &Plane) -> Self {
         let size = [plane.width, plane.height];
         let side = reach as isize;
@@ -138,14 +144,14 @@ impl Places {
 
 impl Levels {
     /// Reads them at the body's outermost pixels and hands them to the band around each.
-    fn read(plane: &Plane, parts: &Parts, inner: &Mask, outer: &Mask, taken: &Mask) -> Self {
+    fn read(plane: &Plane, parts: &OutlineInput, inner: &Mask, outer: &Mask, occupied: &Mask) -> Self {
         let (w, h) = (plane.width, plane.height);
         let edge = edge(parts.body);
         let reach = deepest(parts.band);
-        let near = Places::new(reach + parts.band, plane);
+        let near = Neighbourhood::new(reach + parts.band, plane);
         // How deep each grain pixel lies below the edge: by how much less than the reach, squares, and one.
         let mut less2 = vec![0u16; w * h];
-        let disc = Places::new(reach, plane);
+        let disc = Neighbourhood::new(reach, plane);
         for &pixel in &edge {
             for (k, distance2) in disc.about(pixel) {
                 if inner.bits[k] != 0 {
@@ -168,7 +174,7 @@ impl Levels {
                         if deep && !(parts.excluded)(k % w, k / w) {
                             grain.add(roots[usize::from(less2[k])], f64::from(level(plane.values[k])));
                         }
-                    } else if n < SAMPLES && taken.bits[k] == 0 {
+                    } else if n < SAMPLES && occupied.bits[k] == 0 {
                         sum += i64::from(plane.values[k]);
                         n += 1;
                     }
@@ -178,7 +184,7 @@ impl Levels {
             })
             .collect();
         let mut out = Self { grain: vec![[0.0; 2]; w * h], background: vec![[0.0; 2]; w * h] };
-        let around = Places::new(parts.band + 2, plane);
+        let around = Neighbourhood::new(parts.band + 2, plane);
         for (&pixel, [grain, background]) in edge.iter().zip(&read) {
             for (k, distance2) in around.about(pixel) {
                 if inner.bits[k] == outer.bits[k] {
@@ -263,7 +269,7 @@ impl Limb {
     }
 }
 
-fn in_band(plane: &Plane, parts: &Parts, levels: &Levels, [x, y]: [usize; 2]) -> f32 {
+fn in_band(plane: &Plane, parts: &OutlineInput, levels: &Levels, [x, y]: [usize; 2]) -> f32 {
     let k = y * plane.width + x;
     let value = level(parts.smooth[k]);
     let mean = |[sum, weight]: [f32; 2]| (weight > 0.0).then(|| sum / weight);

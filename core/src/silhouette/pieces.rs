@@ -1,4 +1,4 @@
-//! Pieces of the grain that a shadow has cut off.
+//! Islands of the mask that a shadow has cut off the grain.
 //!
 //! Before a black background a shaded part of the grain can be as dark as what stands behind it. What lies
 //! beyond the shade is then an island. It belongs to the grain when the strip between them is narrow and
@@ -13,7 +13,7 @@ const STRIP: f64 = 0.03;
 const LEAST_PIECE: f64 = 0.002;
 
 /// Adds to the grain the pieces of `apart` (which holds the grain) that lie behind a strip of shade, with the
-/// strip; `shade` tells of a pixel whether it is off the background at all.
+/// strip; `shade` gives for a pixel whether it is off the background at all.
 pub(super) fn join(grain: &mut Mask, apart: &Mask, shade: impl Fn(usize) -> bool) {
     let least = (LEAST_PIECE * grain.area() as f64).max(1.0) as usize;
     let (runs, components) = apart.components(Connect::Sides);

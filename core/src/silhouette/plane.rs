@@ -1,8 +1,8 @@
-//! The region that holds the grain, at full resolution: how far each pixel is from the background.
+//! The background-subtracted region of interest at full resolution, `[row, column]`, sixteenths of a grey level.
 
 use super::backdrop::Backdrop;
-use super::frame::Rect;
 use super::otsu::Histogram;
+use super::rect::Rect;
 use super::{Channel, Source};
 use rayon::prelude::*;
 

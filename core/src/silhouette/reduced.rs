@@ -1,7 +1,7 @@
-//! A small copy of the picture, on which the grain is sought: an 18-megapixel picture is read once, and
+//! A downsampled copy of the picture, on which the grain is sought: an 18-megapixel picture is read once, and
 //! only in part, before the few percent of it that hold the grain are looked at closely.
 
-use super::frame::Rect;
+use super::rect::Rect;
 use super::{Channel, Grid, SilhouetteError, Source};
 
 /// Means of the colours over cells of `factor` by `factor` pixels.

@@ -1,4 +1,4 @@
-//! How a silhouette was got: what a person checks it by.
+//! Report of a segmentation: thresholds, areas, pedestal, what a person checks it by.
 
 use super::{Channel, Polarity};
 use serde::Serialize;
@@ -45,7 +45,7 @@ pub struct Report {
     /// less than the whole where a black frame was cut off.
     pub frame: [usize; 4],
     /// The pedestal, where one was cut off.
-    pub pedestal: Option<PedestalSeen>,
+    pub pedestal: Option<PedestalOutline>,
     /// Width of the outline one pixel above the pedestal's top, where the grain stands on it, pixels.
     pub contact_width_px: Option<f64>,
     /// Whether the grain reaches the left, right, top, bottom end of the picture: then part of it is not
@@ -55,9 +55,9 @@ pub struct Report {
     pub warnings: Vec<String>,
 }
 
-/// A pedestal that was cut off.
+/// A pedestal's outline in one view: top line, centre and half width, pixels of the picture; it was cut off.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct PedestalSeen {
+pub struct PedestalOutline {
     /// Row of its top at its centre column, pixels (subpixel).
     pub top_row: f64,
     /// Slope of its top, rows per column: the camera's roll.
@@ -72,7 +72,7 @@ pub struct PedestalSeen {
     pub blur: f64,
 }
 
-impl PedestalSeen {
+impl PedestalOutline {
     /// Length of the sides that its slope was read off in a picture of so many rows, pixels; 0 where they are shorter
     /// than the pedestal is wide, so that the slope is its top's, which grain and glue disturb.
     pub fn side_px(&self, rows: usize) -> f64 {

@@ -1,9 +1,9 @@
-//! Where the grain is, in which channel it shows best, and whether it is the bright or the dark one.
+//! Region of interest, channel and polarity of the grain, on the downsampled picture.
 
 use super::backdrop::Backdrop;
-use super::frame::Rect;
 use super::mask::{Connect, Mask};
 use super::otsu::Histogram;
+use super::rect::Rect;
 use super::reduced::Reduced;
 use super::{Channel, Polarity, Settings, SilhouetteError};
 use rayon::prelude::*;
@@ -150,8 +150,8 @@ fn judge(
     }
     let split = histogram.otsu2();
     let otsu = split.map_or(f64::INFINITY, |s| s.threshold);
-    let quiet = histogram.quiet(limit.into(), otsu.max(limit.into()));
-    let (threshold, unsure) = quiet.map_or((otsu, 1.0), |q| (q.threshold, q.unsure));
+    let valley = histogram.valley(limit.into(), otsu.max(limit.into()));
+    let (threshold, unsure) = valley.map_or((otsu, 1.0), |q| (q.threshold, q.unsure));
     let contrast = split.map_or(0.0, |s| s.means[1] - s.means[0]).min(strongest.max(0.0));
     let above = |v: &f32| f64::from(*v) > threshold;
     let (ring, covered) =
@@ -172,17 +172,17 @@ fn ends(values: &[f32], few: usize) -> [f32; 2] {
     };
     let mut counts = vec![0u32; 1 << 16];
     values.iter().for_each(|v| counts[(key(v) >> 16) as usize] += 1);
-    [few, values.len() - 1 - few].map(|place| {
+    [few, values.len() - 1 - few].map(|rank| {
         let mut before = 0;
         let full = |&count: &u32| {
             before += count as usize;
-            before > place
+            before > rank
         };
         let upper = counts.iter().position(full).unwrap_or(0);
         let mut same: Vec<f32> =
             values.iter().filter(|v| (key(v) >> 16) as usize == upper).copied().collect();
         let first = before - same.len();
-        *same.select_nth_unstable_by(place - first, f32::total_cmp).1
+        *same.select_nth_unstable_by(rank - first, f32::total_cmp).1
     })
 }
 

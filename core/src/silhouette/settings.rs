@@ -1,4 +1,4 @@
-//! What a person may set about silhouettes; the defaults suit a backlit grain, a blue screen and a black one.
+//! Settings of the segmentation; the defaults suit a backlit grain, a blue screen and a black one.
 
 use super::{Channel, SilhouetteError};
 use serde::{Deserialize, Serialize};
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
-    /// Which combination of colours tells the grain from the background.
+    /// Which combination of colours separates grain from background.
     pub channel: Channel,
     /// Whether the background is brighter or darker than the grain in that channel.
     pub polarity: Polarity,
@@ -68,7 +68,7 @@ pub enum Polarity {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Classes {
-    /// The quietest threshold between the background's noise and Otsu's threshold for two classes: the one
+    /// The valley threshold between the background's noise and Otsu's threshold for two classes: the one
     /// that the fewest pixels lie near. It keeps the grain's shaded sides and its paler colours.
     #[default]
     Auto,
@@ -93,8 +93,8 @@ pub enum PedestalMode {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Holes {
-    /// As `background` where a difference of two colours tells grain from background, else as `fill`: by
-    /// brightness alone a clear grain's highlight, or a shadow, cannot be told from a see-through gap.
+    /// As `background` where a difference of two colours separates grain from background, else as `fill`: by
+    /// brightness alone a clear grain's highlight, or a shadow, cannot be distinguished from a see-through gap.
     #[default]
     Auto,
     /// Fill every opening.

@@ -1,12 +1,11 @@
 //! What a photograph must give for the grain in it to be found: a small copy of all of it, and pixels of a part.
 
-use super::frame::Rect;
 use super::{Picture, SilhouetteError};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// Cells of `factor` by `factor` pixels, from a place in the picture on.
+/// Cells of `factor` by `factor` pixels, from a pixel of the picture on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Grid {
     /// Pixels per cell, a side.
@@ -50,7 +49,7 @@ pub trait Source: Sync {
 
 /// The longer side of the small copy, cells, at most.
 const LONGEST: usize = 600;
-/// Rows read of each cell: more would cost bytes and tell nothing new.
+/// Rows read of each cell: more would cost bytes and add nothing.
 const ROWS_READ: usize = 4;
 
 impl Source for Picture {
@@ -127,12 +126,5 @@ impl Source for Picture {
         let mut out = Vec::with_capacity(columns.len() * rows.len() * self.channels());
         rows.clone().for_each(|y| out.extend_from_slice(self.row(y, columns.start, columns.end)));
         out
-    }
-}
-
-impl Rect {
-    /// As columns and rows.
-    pub(super) fn ranges(&self) -> (Range<usize>, Range<usize>) {
-        (self.x0..self.x1, self.y0..self.y1)
     }
 }

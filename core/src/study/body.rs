@@ -1,7 +1,7 @@
 //! A body whose every silhouette is known exactly.
 
 use crate::geometry::{Aabb, Point, TriangleMesh};
-use crate::hull::slices::Ladder;
+use crate::hull::slices::RowGrid;
 
 /// Cuts of neighbouring triangles closer than this meet, as a share of the body's size.
 const MEET: f64 = 1e-9;
@@ -53,34 +53,34 @@ impl Body {
         }
     }
 
-    /// What is seen of it at an angle, on each row of a ladder: intervals across the axis, mm, ascending and disjoint.
-    pub(super) fn intervals(&self, ladder: Ladder, angle_rad: f64) -> Vec<Vec<[f64; 2]>> {
+    /// What is seen of it at an angle, on each row of a grid: intervals across the axis, mm, ascending and disjoint.
+    pub(super) fn intervals(&self, row_grid: RowGrid, angle_rad: f64) -> Vec<Vec<[f64; 2]>> {
         match self {
-            Self::Ball(d) => (0..ladder.rows)
+            Self::Ball(d) => (0..row_grid.rows)
                 .map(|k| {
-                    let half2 = 0.25 * d * d - ladder.height(k).powi(2);
+                    let half2 = 0.25 * d * d - row_grid.height(k).powi(2);
                     if half2 > 0.0 { vec![[-half2.sqrt(), half2.sqrt()]] } else { Vec::new() }
                 })
                 .collect(),
-            Self::Surface(s) => shadow(s, ladder, angle_rad),
+            Self::Surface(s) => shadow(s, row_grid, angle_rad),
         }
     }
 }
 
 /// On each row the union of the triangles' cuts at its height.
-fn shadow(surface: &TriangleMesh, ladder: Ladder, angle_rad: f64) -> Vec<Vec<[f64; 2]>> {
+fn shadow(surface: &TriangleMesh, row_grid: RowGrid, angle_rad: f64) -> Vec<Vec<[f64; 2]>> {
     let (sin, cos) = angle_rad.sin_cos();
-    let mut rows: Vec<Vec<[f64; 2]>> = vec![Vec::new(); ladder.rows];
-    let place = |z: f64| (z - ladder.first_mm) / ladder.pitch_mm;
+    let mut rows: Vec<Vec<[f64; 2]>> = vec![Vec::new(); row_grid.rows];
+    let row_index = |z: f64| (z - row_grid.first_mm) / row_grid.pitch_mm;
     for t in 0..surface.triangles.len() {
         let corners = surface.corners(t).map(|p| [p.x * cos - p.y * sin, p.z]);
-        let low = corners.iter().map(|c| place(c[1])).fold(f64::INFINITY, f64::min).ceil().max(0.0);
-        let high = corners.iter().map(|c| place(c[1])).fold(f64::NEG_INFINITY, f64::max).floor();
+        let low = corners.iter().map(|c| row_index(c[1])).fold(f64::INFINITY, f64::min).ceil().max(0.0);
+        let high = corners.iter().map(|c| row_index(c[1])).fold(f64::NEG_INFINITY, f64::max).floor();
         if high < low {
             continue;
         }
-        for k in low as usize..(high as usize + 1).min(ladder.rows) {
-            let z = ladder.height(k);
+        for k in low as usize..(high as usize + 1).min(row_grid.rows) {
+            let z = row_grid.height(k);
             let mut cut = [f64::INFINITY, f64::NEG_INFINITY];
             for (a, b) in [(corners[0], corners[1]), (corners[1], corners[2]), (corners[2], corners[0])] {
                 if (a[1] <= z) != (b[1] <= z) {

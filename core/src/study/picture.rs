@@ -93,12 +93,12 @@ pub fn curves(rows: &[Row]) -> Sheet {
 pub fn silhouettes(study: &Study) -> Tiles {
     let frame = Frame::around(&study.body, study.pixel_mm);
     let middle = frame.axis();
-    let ladder = frame.ladder();
+    let row_grid = frame.row_grid();
     let tile = |degrees: f64| Tile {
         caption: format!("{degrees:.0}°"),
         polygons: (frame.pixels(&study.body, degrees.to_radians()).iter().enumerate())
             .flat_map(|(k, runs)| {
-                let row = ladder.height(k) / study.pixel_mm;
+                let row = row_grid.height(k) / study.pixel_mm;
                 runs.iter().map(move |[a, b]| {
                     let (a, b) = (*a as f64 - 0.5 - middle, *b as f64 + 0.5 - middle);
                     (vec![[a, row - 0.5], [b, row - 0.5], [b, row + 0.5], [a, row + 0.5]], 0)

@@ -3,7 +3,7 @@
 use super::Body;
 use super::views::Frame;
 use crate::geometry::Point;
-use crate::hull::slices::{Ladder, SliceError, SlicedHull, Strips, VoxelGrid};
+use crate::hull::slices::{RowGrid, SliceError, SlicedHull, Strips, VoxelGrid};
 use crate::hull::{Cone, VisualHull};
 use crate::mesh::{Controls, MeshError, mesh};
 use rayon::prelude::*;
@@ -48,7 +48,7 @@ pub enum StudyError {
     Mesh {
         /// How many views.
         views: usize,
-        /// What the mesher says.
+        /// The mesher's message.
         error: MeshError,
     },
 }
@@ -158,12 +158,12 @@ impl Study {
     /// The exact hull of exact silhouettes.
     fn exact(&self, views: usize) -> Result<SlicedHull, SliceError> {
         let b = self.body.bounds();
-        let ladder = Ladder::tiling([b.min.z, b.max.z], self.pixel_mm.min(b.size().z / LEAST_ROWS))?;
+        let row_grid = RowGrid::tiling([b.min.z, b.max.z], self.pixel_mm.min(b.size().z / LEAST_ROWS))?;
         let views: Vec<Strips> = (angles(views).into_par_iter())
             .map(|angle| {
-                let rows = self.body.intervals(ladder, angle);
+                let rows = self.body.intervals(row_grid, angle);
                 let mut next = rows.iter();
-                Strips::from_fn(ladder, angle, |_, out| out.extend(next.next().into_iter().flatten()))
+                Strips::from_fn(row_grid, angle, |_, out| out.extend(next.next().into_iter().flatten()))
             })
             .collect::<Result<_, _>>()?;
         SlicedHull::new(&views)
@@ -175,12 +175,12 @@ impl Study {
         let strips: Vec<Strips> = (angles(views).into_par_iter())
             .map(|angle| frame.pixel_strips(&self.body, angle))
             .collect::<Result<_, _>>()?;
-        let (p, ladder) = (self.pixel_mm, frame.ladder());
+        let (p, row_grid) = (self.pixel_mm, frame.row_grid());
         // Few views leave corners beyond the circle that the body turns in.
         let half = (self.body.reach_mm() * std::f64::consts::SQRT_2 / p).ceil() + 2.0;
         let across = 2 * half as usize;
-        let origin = Point::new((0.5 - half) * p, (0.5 - half) * p, ladder.first_mm);
-        let grid = VoxelGrid { origin, pitch_mm: p, dims: [across, across, ladder.rows] };
+        let origin = Point::new((0.5 - half) * p, (0.5 - half) * p, row_grid.first_mm);
+        let grid = VoxelGrid { origin, pitch_mm: p, dims: [across, across, row_grid.rows] };
         Ok(SlicedHull::new(&strips)?.voxels(grid)?.count() as f64 * p.powi(3))
     }
 

@@ -4,7 +4,7 @@ use super::Body;
 use crate::calibrate::Turntable;
 use crate::geometry::Angle;
 use crate::hull::Cone;
-use crate::hull::slices::{Ladder, SliceError, Strips};
+use crate::hull::slices::{RowGrid, SliceError, Strips};
 use crate::silhouette::Silhouette;
 use std::sync::Arc;
 
@@ -34,9 +34,9 @@ impl Frame {
     }
 
     /// The rows' middles from the lowest up.
-    pub(super) fn ladder(&self) -> Ladder {
+    pub(super) fn row_grid(&self) -> RowGrid {
         let rows = self.size[1];
-        Ladder { first_mm: self.top_mm - (rows - 1) as f64 * self.pixel_mm, pitch_mm: self.pixel_mm, rows }
+        RowGrid { first_mm: self.top_mm - (rows - 1) as f64 * self.pixel_mm, pitch_mm: self.pixel_mm, rows }
     }
 
     /// The axis' column.
@@ -44,7 +44,7 @@ impl Frame {
         0.5 * (self.size[0] - 1) as f64
     }
 
-    /// Column (fractional) of a place across the axis.
+    /// Column (fractional) of a point across the axis.
     fn column(&self, u: f64) -> f64 {
         u / self.pixel_mm + self.axis()
     }
@@ -66,7 +66,7 @@ impl Frame {
             }
             runs
         };
-        body.intervals(self.ladder(), angle_rad).iter().map(runs).collect()
+        body.intervals(self.row_grid(), angle_rad).iter().map(runs).collect()
     }
 
     /// The strips that those pixels are.
@@ -74,7 +74,7 @@ impl Frame {
         let pixels = self.pixels(body, angle_rad);
         let edge = |column: f64| (column - self.axis()) * self.pixel_mm;
         let mut rows = pixels.iter();
-        Strips::from_fn(self.ladder(), angle_rad, |_, out| {
+        Strips::from_fn(self.row_grid(), angle_rad, |_, out| {
             out.extend(
                 rows.next()
                     .into_iter()
@@ -87,9 +87,9 @@ impl Frame {
     /// The view as the hull of any cameras takes it: its outline between the pixels.
     pub(super) fn cone(&self, body: &Body, angle_rad: f64) -> Option<Cone> {
         let [width, height] = self.size;
-        let coarse = self.ladder();
+        let coarse = self.row_grid();
         let pitch_mm = self.pixel_mm / LINES as f64;
-        let fine = Ladder {
+        let fine = RowGrid {
             first_mm: coarse.first_mm + (0.5 / LINES as f64 - 0.5) * self.pixel_mm,
             pitch_mm,
             rows: height * LINES,

@@ -14,7 +14,7 @@ use std::path::Path;
 /// The mesh as it is now with its fields, and a picture of a cut through it.
 pub(super) fn stage(folder: &Path, number: usize, mesh: &TetMesh, press: &Press) -> Result<(), DaemonError> {
     let fields = press.dynamics().fields(press.body());
-    let (places, upper_mm) = press.placed_mm();
+    let (places, upper_mm) = press.positions_mm();
     let (mises, least) = (fields.mises_mpa(), fields.least_principal_mpa());
     let moved: Vec<f64> = press.displacements_mm().iter().flat_map(|p| [p.x, p.y, p.z]).collect();
     // In VTK's order: xx, yy, zz, xy, yz, xz.
@@ -39,7 +39,7 @@ pub(super) fn stage(folder: &Path, number: usize, mesh: &TetMesh, press: &Press)
             s.time_s
         )
     }));
-    vtu::write_told(&deformed, &told, &nodal, &cells, &mut grid)?;
+    vtu::write_commented(&deformed, &told, &nodal, &cells, &mut grid)?;
     write_whole(folder, &format!("stage_{number:02}.vtu"), &grid)?;
 
     let Some(sample) = press.samples().last() else { return Ok(()) };
@@ -84,7 +84,7 @@ fn plane(places: &[Point], sample: &Sample) -> (Point, Vector) {
     touches.sort_by(|a, b| b.force_n.total_cmp(&a.force_n));
     let n = places.len().max(1) as f64;
     let middle = places.iter().fold(Vector::zeros(), |s, p| s + p.coords) / n;
-    let at = |i: usize| touches.get(i).map(|t| Vector::new(t.place_mm[0], t.place_mm[1], 0.0));
+    let at = |i: usize| touches.get(i).map(|t| Vector::new(t.position_mm[0], t.position_mm[1], 0.0));
     let first = at(0).unwrap_or(middle);
     let along = (at(1).unwrap_or(middle) - first).component_mul(&Vector::new(1.0, 1.0, 0.0));
     // Contacts above one another leave the direction open.

@@ -2,13 +2,15 @@
 //!
 //! The layouts differ (encodings, decimal commas, preambles, where units stand, signs); [`read`] takes those it knows and refuses
 //! what it doesn't, with the header: a unit is never guessed. [`Experiment::read_off`] makes a curve to compare with: force and
-//! approach from where the platen meets the grain, positive in compression, with the machine's own give taken off; and says what
+//! approach from where the platen meets the grain, positive in compression, with the machine's own give taken off; and states what
 //! it took for zero, contact and end.
 
+mod error;
 mod reading;
 mod table;
 
 use super::CurvePoint;
+pub use error::ExperimentError;
 pub use reading::{LoadingEnd, Reading};
 use table::Table;
 
@@ -16,64 +18,6 @@ use table::Table;
 const BEDDING: f64 = 0.3;
 /// The transition's usual force, N: it sets what a load cell of that range resolves.
 const TRANSITION_N: f64 = 2.0;
-
-/// Why a file is no usable test.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum ExperimentError {
-    /// No column of displacement or force.
-    #[error(
-        "no column of {what} is known in the header `{header}`; known are {known} (in English or Chinese): export the channel \
-         under one of these names"
-    )]
-    Column {
-        /// What is missing.
-        what: &'static str,
-        /// The header as it stands.
-        header: String,
-        /// Names that are known.
-        known: &'static str,
-    },
-    /// A unit that is not known, or none.
-    #[error(
-        "the unit `{unit}` of {what} is not known in the header `{header}`; known are {known}: export in one of these"
-    )]
-    Unit {
-        /// Of what.
-        what: &'static str,
-        /// The unit.
-        unit: String,
-        /// The header as it stands.
-        header: String,
-        /// Units that are known.
-        known: &'static str,
-    },
-    /// A line that is no row of numbers.
-    #[error("line {line}: `{text}` is no number; the header is `{header}`")]
-    Number {
-        /// The line, from 1.
-        line: usize,
-        /// What stands there.
-        text: String,
-        /// The header.
-        header: String,
-    },
-    /// Too little to compare.
-    #[error("{rows} rows of numbers, {what}; at least 5 are needed, of which 3 after contact")]
-    Short {
-        /// Rows found.
-        rows: usize,
-        /// What is missing.
-        what: &'static str,
-    },
-    /// A compliance that makes no sense.
-    #[error(
-        "a compliance of {value} µm/N: it must be zero or more, and finite; a stiff machine has 0.01 to 0.1 µm/N"
-    )]
-    Compliance {
-        /// What was given or measured.
-        value: f64,
-    },
-}
 
 /// A test as the machine recorded it: displacement in mm and force in N, with the signs of the file.
 #[derive(Debug, Clone, PartialEq)]

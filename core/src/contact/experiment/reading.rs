@@ -1,5 +1,5 @@
-//! What a record says of a grain's first loading: the force's zero, where the platen met the grain, where the crosshead turned
-//! round, and where the force passed the transition.
+//! Evaluation of a grain's first loading in a test record: the force's zero, where the platen met the grain, where the crosshead
+//! turned round, and where the force passed the transition.
 //!
 //! ```text
 //!   force │                                ╱│ end: the crosshead turns round, or the record ends
@@ -12,7 +12,7 @@
 //!                0 = approach
 //! ```
 //!
-//! Nothing is measured by the largest force: how far somebody went on pressing says nothing of how the grain was met.
+//! Nothing is measured by the largest force: how far somebody went on pressing shows nothing of how the grain was met.
 
 use super::{Compliance, Experiment, ExperimentError};
 use crate::contact::CurvePoint;
@@ -24,13 +24,13 @@ const SIGMAS: f64 = 5.0;
 const RUN: usize = 3;
 /// Rows that the first look at the noise takes; fewer where the force rises before.
 const FIRST: usize = 8;
-/// Rows before a drift is told from the noise.
+/// Rows before a drift is distinguished from the noise.
 const DRIFT: usize = 16;
 /// So often the rows before contact are looked at again without those just before it.
 const AGAIN: usize = 3;
 /// Rows without which there is no noise to speak of.
 const LEAST: usize = 3;
-/// The rise that is drawn back to nought has so many rows at least, and ends at so many thresholds.
+/// The rise that is drawn back to zero has so many rows at least, and ends at so many thresholds.
 const RISE: usize = 5;
 const FAINT: f64 = 20.0;
 /// Powers of the approach with which a force may rise: a flat or tilting grain, a smooth round one (Hertz), a rough one.
@@ -64,7 +64,7 @@ pub struct Reading {
     pub noise_n: Option<f64>,
     /// How far the force must be above its zero for contact, N.
     pub contact_n: f64,
-    /// Displacement at contact, mm, in the file's own sign: the approach's zero, where the first rise is nought when it is drawn back.
+    /// Displacement at contact, mm, in the file's own sign: the approach's zero, where the first rise is zero when it is drawn back.
     pub contact_mm: f64,
     /// How far apart rows are there, mm: contact is not known better.
     pub spacing_mm: f64,
@@ -188,12 +188,12 @@ impl Experiment {
         (10 * (self.force_n.len() - once.force_n.len()) >= self.force_n.len().max(10)).then_some(once)
     }
 
-    /// Where the grain was met, mm: the first rise above the noise, drawn back to nought by the law that fits it best. A
+    /// Where the grain was met, mm: the first rise above the noise, drawn back to zero by the law that fits it best. A
     /// load cell shows nothing of the first micrometre of a round contact.
     fn origin(&self, force: &[f64], from: usize, before: &Before, way: f64) -> f64 {
         let Before { met, zero, threshold, .. } = *before;
         let known = self.displacement_mm[from];
-        let place = |i: usize| [way * (self.displacement_mm[i] - known), force[i] - zero];
+        let point = |i: usize| [way * (self.displacement_mm[i] - known), force[i] - zero];
         let mut most = 0.0f64;
         let end = (met..force.len())
             .find(|&i| {
@@ -202,9 +202,9 @@ impl Experiment {
                 (i >= met + RISE && f > FAINT * threshold) || f < most - threshold
             })
             .unwrap_or(force.len());
-        let rise: Vec<[f64; 2]> = (met..end).map(place).filter(|p| p[1] > threshold).collect();
+        let rise: Vec<[f64; 2]> = (met..end).map(point).filter(|p| p[1] > threshold).collect();
         // As many quiet rows before, which the right law passes as well.
-        let all: Vec<[f64; 2]> = (met.saturating_sub(rise.len())..end).map(place).collect();
+        let all: Vec<[f64; 2]> = (met.saturating_sub(rise.len())..end).map(point).collect();
         if before.noise.is_none() || rise.len() < RISE {
             return known;
         }
@@ -215,11 +215,11 @@ impl Experiment {
         best.map_or(known, |[at, _]| known + way * at.clamp(-most.max(0.0), most.max(0.0)))
     }
 
-    /// The sense in which the displacement goes once the grain is met: that of its farthest place from there.
+    /// The sense in which the displacement goes once the grain is met: that of its farthest point from there.
     fn way(&self, from: usize) -> f64 {
         let start = self.displacement_mm[from];
         let noise = self.jitter_mm();
-        // The first place that is clearly elsewhere: an unloading may go farther back than the loading went.
+        // The first row that is clearly elsewhere: an unloading may go farther back than the loading went.
         let moved = self.displacement_mm[from..].iter().find(|d| (*d - start).abs() > noise);
         if moved.is_none_or(|d| *d >= start) { 1.0 } else { -1.0 }
     }
@@ -334,7 +334,7 @@ fn crossings(curve: &[CurvePoint], force_n: f64, noise_n: f64) -> Option<(f64, f
     groups.first().map(middle).zip(groups.last().map(middle))
 }
 
-/// Where k (x − x₀)^power is nought for the k and x₀ that fit the rise best, and the mean square of what is left of all rows, N².
+/// Where k (x − x₀)^power is zero for the k and x₀ that fit the rise best, and the mean square of what is left of all rows, N².
 fn back(rise: &[[f64; 2]], all: &[[f64; 2]], power: f64) -> Option<[f64; 2]> {
     let n = rise.len() as f64;
     let y = |p: &[f64; 2]| p[1].powf(1.0 / power);
@@ -436,7 +436,7 @@ fn spread(values: &[f64]) -> f64 {
     1.4826 * median(values.iter().map(|v| (v - middle).abs()).collect())
 }
 
-/// The middle value; nought of none.
+/// The middle value; zero of none.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     let n = values.len();

@@ -1,6 +1,6 @@
 //! The table of an export: where its header is, what its columns and units are.
 
-use super::ExperimentError;
+use super::error::ExperimentError;
 use std::borrow::Cow;
 
 /// Names of the columns, in small letters; a name in Chinese is as GBK's bytes and as Unicode.

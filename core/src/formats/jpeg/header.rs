@@ -1,4 +1,4 @@
-//! What a JPEG says about itself before its entropy-coded data (ITU-T T.81, annex B).
+//! The header of a JPEG: what stands before its entropy-coded data (ITU-T T.81, annex B).
 
 use super::huffman::Code;
 
@@ -69,7 +69,7 @@ impl Header {
                 0xda => {
                     let (size, framed) = frame?;
                     let ids: Vec<u8> = framed.iter().map(|f| f.id).collect();
-                    // Adobe's transform 1 is YCbCr, and so is what nothing is said about.
+                    // Adobe's transform 1 is YCbCr, and so is what is not specified.
                     let ycbcr = jfif || adobe.map_or(ids != *b"RGB", |transform| transform == 1);
                     if ids.len() == 3 && !ycbcr {
                         return None;

@@ -6,7 +6,7 @@ const SKIP_BITS: u32 = 13;
 const READ_BITS: u32 = 11;
 /// Added to the position in a block by a lookup that meets the block's end.
 const END: u32 = 128;
-/// The same for a lookup that tells nothing.
+/// The same for a lookup without result.
 const NOTHING: u32 = 255;
 /// Coefficients in a block.
 const BLOCK: u32 = 64;
@@ -79,35 +79,35 @@ pub(super) struct Code {
     symbols: Vec<u8>,
     /// For each length 1 … 16: 16 bits that are less than this begin with a code of at most that length.
     ends: [u32; 16],
-    /// What to add to a code of each length to get the symbol's place.
-    places: [i32; 16],
+    /// What to add to a code of each length to get the symbol's index.
+    offsets: [i32; 16],
 }
 
 impl Code {
     /// From the number of codes of each length 1 … 16 and the symbols in order; `None` where there are more
     /// codes than such lengths allow.
     pub(super) fn new(counts: [u8; 16], symbols: &[u8]) -> Option<Self> {
-        let (mut ends, mut places) = ([0; 16], [0; 16]);
-        let (mut code, mut place) = (0u32, 0i32);
+        let (mut ends, mut offsets) = ([0; 16], [0; 16]);
+        let (mut code, mut index) = (0u32, 0i32);
         for (k, &count) in counts.iter().enumerate() {
-            places[k] = place - code as i32;
+            offsets[k] = index - code as i32;
             code += u32::from(count);
-            place += i32::from(count);
+            index += i32::from(count);
             ends[k] = code << (15 - k);
             if code > 1 << (k + 1) {
                 return None;
             }
             code <<= 1;
         }
-        (place as usize == symbols.len()).then(|| Self { symbols: symbols.to_vec(), ends, places })
+        (index as usize == symbols.len()).then(|| Self { symbols: symbols.to_vec(), ends, offsets })
     }
 
     /// Length and symbol of the code that 16 bits begin with.
     fn first(&self, bits: u32) -> Option<(u32, u8)> {
         let k = self.ends.iter().position(|&end| bits < end)?;
         let code = (bits >> (15 - k)) as i32;
-        let place = usize::try_from(code + self.places[k]).ok()?;
-        Some((k as u32 + 1, *self.symbols.get(place)?))
+        let index = usize::try_from(code + self.offsets[k]).ok()?;
+        Some((k as u32 + 1, *self.symbols.get(index)?))
     }
 
     /// For each of the next `bits` bits: what comes first, where its code is that short.
@@ -243,7 +243,7 @@ impl Values {
         Self { code: code.clone(), table: code.table(READ_BITS) }
     }
 
-    /// Gives `put` the place (in zigzag order) and value of each coefficient of a block that is not 0.
+    /// Gives `put` the index (in zigzag order) and value of each coefficient of a block that is not 0.
     #[inline]
     pub(super) fn block(&self, bits: &mut Bits, mut put: impl FnMut(usize, i32)) -> Option<()> {
         let mut at = 1;

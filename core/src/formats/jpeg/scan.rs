@@ -13,7 +13,7 @@ pub(super) struct BlockMeans {
     pub values: Vec<i16>,
 }
 
-/// What one pass over the data tells.
+/// The result of one pass over the data.
 #[derive(Debug, Clone)]
 pub(super) struct Scan {
     /// The coded data without the zeros stuffed after each byte of ones, and without markers.

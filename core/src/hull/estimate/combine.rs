@@ -1,4 +1,4 @@
-//! A skewed spread and an even one together.
+//! Convolution of a log-normal excess with a normal error: quantiles of the volume's distribution.
 
 /// Half the width of what is integrated over, standard deviations, and the steps in it.
 const REACH: f64 = 5.0;

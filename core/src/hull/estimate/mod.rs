@@ -1,16 +1,17 @@
-//! What the hull can't see: the grain's volume from the hull's, with an interval.
+//! Volume estimate: the grain's volume V from the hull's `V_H = (1 + E) V`, with a 95 % interval.
 //!
 //! The hull is larger than the grain by an excess E (its volume over the grain's, less 1), which has two parts. Between the tangents of N views a
 //! slice is a polygon about the slice's convex hull: (2N/π) tan(π/2N) − 1 for a ball (0.13 % at 25 views), about 1 % for
 //! an angular grain. And views that are level never see into a hollow of a slice: the hull fills it. That is most of E,
 //! and more views about the same axis do not help.
 //!
-//! What shows are signs of hollows ([`Signs`]): the outlines are hollow, the slices' curvature is
-//! unsteady and soon another one at other heights, and there are gaps. They are uncertain signs, so what is stated is
+//! What shows are signs of hollows ([`Signs`]): the outlines are concave, the slices' curvature varies
+//! from one direction to the next and along the axis, and there are gaps. They are uncertain signs, so what is stated is
 //! a distribution of E,
 //!
 //! ```text
-//! ln E = a + b·ln(empty + 0.001) + c·unsteady + d·ln(restless + 0.01) + e·ln(gaps + 0.001) + f·ln(N/25) ± 0.30,
+//! ln E = a + b·ln(concavity + 0.001) + c·curvature variation + d·ln(axial variation + 0.01)
+//!        + e·ln(gaps + 0.001) + f·ln(N/25) ± 0.30,
 //! ```
 //!
 //! and ±0.4 % of the volume, one standard deviation each. The figures are a regression (least squares, outliers' weight
@@ -25,9 +26,9 @@
 //! through whole captures shows `tests/volume_estimate.rs`, on grains of which none was fitted to (four are of powders
 //! whose other particles were).
 //!
-//! Cameras that are not level, or not all around, show no slices; there only the outlines' emptiness stands for the
-//! signs, and the interval is more than twice as wide. Signs of a hull twice as large as its grain, or more, tell only that
-//! nothing can be told ([`NoEstimate`]).
+//! Cameras that are not level, or not all around, show no slices; there only the outlines' concavity stands for the
+//! signs, and the interval is more than twice as wide. Signs of a hull twice as large as its grain, or more, show only that
+//! nothing can be estimated ([`NoEstimate`]).
 
 mod combine;
 mod outlines;
@@ -49,12 +50,12 @@ const SPREAD: f64 = 0.30;
 const LEAST: [f64; 3] = [0.001, 0.01, 0.001];
 /// Numbers of views between which it was fitted.
 const FITTED_VIEWS: std::ops::RangeInclusive<f64> = 8.0..=50.0;
-/// The greatest signs among those hulls: empty, unsteady, restless, gaps.
+/// The greatest signs among those hulls: concavity, curvature variation, axial variation, gaps.
 const MOST_FITTED: [f64; 4] = [0.126, 3.0, 0.69, 0.056];
 /// The greatest E that the formula is believed: a hull twice as large as its grain. It was fitted to hulls 6.5 % too large
-/// in the median; what it says far beyond is how a line goes on, not how grains are.
+/// in the median; far beyond it is a line extended, not how grains are.
 const MOST_EXCESS: f64 = 1.0;
-/// ln E = p + q·ln(empty + 0.001), for any cameras, from the same hulls of 25 views.
+/// ln E = p + q·ln(concavity + 0.001), for any cameras, from the same hulls of 25 views.
 const ANY_CAMERAS: [f64; 2] = [-0.238, 0.664];
 /// Standard deviation about that: 0.55 at 25 views around one axis, and something for other ways to go around.
 const ANY_SPREAD: f64 = 0.70;
@@ -85,7 +86,7 @@ pub struct Known {
     pub foot: f64,
 }
 
-/// The grain's volume, as far as its views tell.
+/// The grain's volume as estimated from its views, with a 95 % interval.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VolumeEstimate {
     /// The best estimate, mm³: as likely too large as too small.
@@ -98,7 +99,7 @@ pub struct VolumeEstimate {
     pub signs: Option<Signs>,
 }
 
-/// Why a hull tells no volume of its grain, not even between which bounds it lies.
+/// Why a hull gives no estimate of its grain's volume, not even between which bounds it lies.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum NoEstimate {
     /// The signs of hollows are far beyond those of the hulls that the method was fitted to.
@@ -156,18 +157,18 @@ pub fn estimate(cones: &[Cone], known: &Known) -> Result<VolumeEstimate, NoEstim
     sound("the cameras' uncertainty", known.cameras, true)?;
     sound("the foot's share", known.foot, true)?;
     let silhouettes: Vec<_> = cones.iter().map(Cone::silhouette).collect();
-    let empty = outlines::emptiness(&silhouettes);
+    let concavity = outlines::concavity(&silhouettes);
     let signs = Tangents::read(cones, &known.bounds)
         .and_then(|t| {
-            Signs::of(&t, known.bounds.size().z, [empty, outlines::gaps(silhouettes.iter().copied())])
+            Signs::of(&t, known.bounds.size().z, [concavity, outlines::gaps(silhouettes.iter().copied())])
         })
         .filter(|s| FITTED_VIEWS.contains(&s.views));
-    let beyond = empty > MOST_FITTED[0] || signs.is_some_and(|s| !is_like_fitted(&s));
+    let beyond = concavity > MOST_FITTED[0] || signs.is_some_and(|s| !is_like_fitted(&s));
     let (log_excess, spread) = if let Some(signs) = &signs {
         (log_excess(signs), if beyond { ANY_SPREAD } else { SPREAD })
     } else {
         let [p, q] = ANY_CAMERAS;
-        (p + q * (empty + LEAST[0]).ln(), ANY_SPREAD)
+        (p + q * (concavity + LEAST[0]).ln(), ANY_SPREAD)
     };
     let excess = sound("the excess", log_excess.exp(), true)?;
     if excess > MOST_EXCESS {
@@ -230,16 +231,19 @@ pub fn estimate(cones: &[Cone], known: &Known) -> Result<VolumeEstimate, NoEstim
 
 /// Whether signs are within what the formula was fitted to; beyond, it is drawn out, and the spread is that of no signs.
 fn is_like_fitted(signs: &Signs) -> bool {
-    let [empty, unsteady, restless, gaps] = MOST_FITTED;
-    signs.empty <= empty && signs.unsteady <= unsteady && signs.restless <= restless && signs.gaps <= gaps
+    let [concavity, curvature_variation, axial_variation, gaps] = MOST_FITTED;
+    signs.concavity <= concavity
+        && signs.curvature_variation <= curvature_variation
+        && signs.axial_variation <= axial_variation
+        && signs.gaps <= gaps
 }
 
 /// The module's formula.
 fn log_excess(signs: &Signs) -> f64 {
     let [a, b, c, d, e, f] = COEFFICIENTS;
-    a + b * (signs.empty + LEAST[0]).ln()
-        + c * signs.unsteady
-        + d * (signs.restless + LEAST[1]).ln()
+    a + b * (signs.concavity + LEAST[0]).ln()
+        + c * signs.curvature_variation
+        + d * (signs.axial_variation + LEAST[1]).ln()
         + e * (signs.gaps + LEAST[2]).ln()
         + f * (signs.views / 25.0).ln()
 }

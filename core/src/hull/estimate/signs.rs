@@ -1,4 +1,4 @@
-//! What the tangents show of the hollows that they can't see.
+//! Signs of hollows: concavity, curvature variation, axial variation, gaps.
 
 use super::tangents::{Tangent, Tangents};
 use serde::Serialize;
@@ -7,23 +7,26 @@ use std::f64::consts::{PI, TAU};
 /// The height over which slices are compared, as a share of the grain's diameter.
 const APART: f64 = 0.05;
 /// Of the slices at least this share must be polygons, and of the pairs that are compared: thinner than the outlines'
-/// errors, a slice's tangents leave no place inside all of them.
+/// errors, a slice's tangents leave no point inside all of them.
 const LEAST_SLICES: f64 = 0.5;
 
 /// Figures of the views that go with the hull's excess; without unit, and free of the grain's size.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Signs {
-    /// How empty the outlines are: the share of its convex hull that an outline leaves free, in the mean over the views.
+    /// Concavity of the outlines: the share of its convex hull that an outline leaves free, in the mean over the views.
     /// 0 for a convex body. What the outlines show of hollows, slices have across it too, where no level view sees it.
-    pub empty: f64,
-    /// How unsteady the slices' curvature is: the standard deviation of the radius of curvature over its mean, from
+    #[serde(rename = "empty")]
+    pub concavity: f64,
+    /// Curvature variation of the slices: the coefficient of variation of the radius of curvature, from
     /// one direction to the next. The radius between two tangents is the length of the polygon's edge over the angle.
     /// 0 for a circle; over a hollow the polygon has a long edge, beside it short ones, and so it has over a facet.
-    pub unsteady: f64,
-    /// How soon the polygons' edges change along the axis: half the sum of what each edge, as a share of the way round,
+    #[serde(rename = "unsteady")]
+    pub curvature_variation: f64,
+    /// Axial variation: how soon the polygons' edges change along the axis, half the sum of what each edge, as a share of the way round,
     /// gains or loses over 5 % of the diameter. Facets and rounded sides stay; lines of sight that rest on single bumps
     /// jump from one to the next.
-    pub restless: f64,
+    #[serde(rename = "restless")]
+    pub axial_variation: f64,
     /// The share of the outlines' breadths that is gap: light between parts of the grain at the same height.
     pub gaps: f64,
     /// Different directions of view.
@@ -32,7 +35,7 @@ pub struct Signs {
 
 impl Signs {
     /// From the tangents of a hull that is so high; `None` where too few of its slices are polygons.
-    pub(super) fn of(tangents: &Tangents, height_mm: f64, [empty, gaps]: [f64; 2]) -> Option<Self> {
+    pub(super) fn of(tangents: &Tangents, height_mm: f64, [concavity, gaps]: [f64; 2]) -> Option<Self> {
         let rows = &tangents.rows;
         let directions = rows.first()?.len();
         let reaches =
@@ -40,18 +43,18 @@ impl Signs {
         // The mean breadth times the height is the mean outline's area.
         let diameter = (4.0 / PI * 2.0 * reaches.max(0.0) * height_mm).sqrt();
         let slices: Vec<Option<Slice>> = rows.iter().map(|row| Slice::of(row)).collect();
-        let (mut area, mut polygons, mut unsteady) = (0.0, 0, 0.0);
+        let (mut area, mut polygons, mut curvature_variation) = (0.0, 0, 0.0);
         for slice in slices.iter().flatten() {
             area += slice.area;
             polygons += 1;
-            unsteady += slice.area * slice.unsteady;
+            curvature_variation += slice.area * slice.curvature_variation;
         }
         let apart = ((APART * diameter / tangents.pitch_mm).round() as usize).clamp(1, rows.len().max(2) - 1);
-        let (mut pairs, mut restless) = (0, 0.0);
+        let (mut pairs, mut axial_variation) = (0, 0.0);
         for (a, b) in slices.iter().zip(&slices[apart.min(slices.len())..]) {
             let Some((a, b)) = a.as_ref().zip(b.as_ref()) else { continue };
             let change = a.shares.iter().zip(&b.shares).map(|(a, b)| (a - b).abs()).sum::<f64>();
-            restless += 0.5 * change * (a.area * b.area).sqrt();
+            axial_variation += 0.5 * change * (a.area * b.area).sqrt();
             pairs += 1;
         }
         let enough = |some: usize, of: usize| some > 0 && some as f64 >= LEAST_SLICES * of as f64;
@@ -59,7 +62,13 @@ impl Signs {
             return None;
         }
         let views = 0.5 * directions as f64;
-        Some(Self { empty, unsteady: unsteady / area, restless: restless / area, gaps, views })
+        Some(Self {
+            concavity,
+            curvature_variation: curvature_variation / area,
+            axial_variation: axial_variation / area,
+            gaps,
+            views,
+        })
     }
 }
 
@@ -68,12 +77,12 @@ struct Slice {
     area: f64,
     /// The edges' shares of the way round.
     shares: Vec<f64>,
-    /// As [`Signs::unsteady`].
-    unsteady: f64,
+    /// As [`Signs::curvature_variation`].
+    curvature_variation: f64,
 }
 
 impl Slice {
-    /// The polygon of a row's tangents; `None` where they leave no place inside all of them.
+    /// The polygon of a row's tangents; `None` where they leave no point inside all of them.
     fn of(row: &[Tangent]) -> Option<Self> {
         let n = row.len();
         let (after, before) = (|i: usize| (i + 1) % n, |i: usize| (i + n - 1) % n);
@@ -93,7 +102,7 @@ impl Slice {
         let angle = |i: usize| 0.5 * (turn[i] + turn[before(i)]) / TAU;
         let variance = (0..n).map(|i| angle(i) * (shares[i] / angle(i) - 1.0).powi(2)).sum::<f64>();
         // Reaches count from the hull's middle, which may lie far outside this slice; edges that were left out do not
-        // close, and an area about a far place would then be anything, also negative. So it is about the slice's own.
+        // close, and an area about a far point would then be anything, also negative. So it is about the slice's own.
         let [x, y] = [f64::cos, f64::sin]
             .map(|part| row.iter().map(|t| t.reach_mm * part(t.direction)).sum::<f64>() * 2.0 / n as f64);
         let reach = |t: &Tangent| t.reach_mm - x * t.direction.cos() - y * t.direction.sin();
@@ -101,7 +110,7 @@ impl Slice {
         (around > 0.0 && area > 0.0 && variance.is_finite()).then(|| Self {
             area,
             shares,
-            unsteady: variance.sqrt(),
+            curvature_variation: variance.sqrt(),
         })
     }
 }
@@ -110,8 +119,8 @@ impl Slice {
 mod tests {
     use super::*;
 
-    /// The tangents of a strip so thick and so wide, its middle at a place, in directions 7.2° apart; each is off by
-    /// what `error` says.
+    /// The tangents of a strip so thick and so wide, its middle at a point, in directions 7.2° apart; each is off by
+    /// `error`.
     fn strip(thick: f64, wide: f64, middle: [f64; 2], error: impl Fn(usize) -> f64) -> Vec<Tangent> {
         (0..50)
             .map(|k| {
@@ -128,7 +137,7 @@ mod tests {
         let at = |middle| Slice::of(&strip(0.2, 0.5, middle, |_| 0.0)).unwrap();
         let (here, there) = (at([0.0, 0.0]), at([7.0, -3.0]));
         assert!((here.area / there.area - 1.0).abs() < 1e-9 && here.area > 0.1, "{}", here.area);
-        assert!((here.unsteady - there.unsteady).abs() < 1e-9);
+        assert!((here.curvature_variation - there.curvature_variation).abs() < 1e-9);
     }
 
     #[test]
@@ -145,11 +154,14 @@ mod tests {
                     .collect();
                 left_out += rows.iter().filter(|row| Slice::of(row).is_none()).count();
                 for slice in rows.iter().filter_map(|row| Slice::of(row)) {
-                    assert!(slice.area > 0.0 && slice.unsteady.is_finite());
+                    assert!(slice.area > 0.0 && slice.curvature_variation.is_finite());
                 }
                 let signs = Signs::of(&Tangents { pitch_mm: 0.01, rows }, 0.6, [0.1, 0.0]);
                 if let Some(s) = signs {
-                    assert!([s.unsteady, s.restless].iter().all(|v| v.is_finite() && *v >= 0.0), "{s:?}");
+                    assert!(
+                        [s.curvature_variation, s.axial_variation].iter().all(|v| v.is_finite() && *v >= 0.0),
+                        "{s:?}"
+                    );
                 }
             }
         }

@@ -1,4 +1,4 @@
-//! The lines of sight that touch the grain, height by height, seen from above.
+//! Tangents of the grain's slices: at each height the lines of sight that touch it, seen from above.
 //!
 //! Before rays that are level, each view bounds a horizontal slice of the grain on both sides by a line of sight that
 //! touches it. The lines of all views are tangents of the slice: they give its support function in twice as many
@@ -12,11 +12,11 @@ use std::f64::consts::TAU;
 const ROWS: usize = 100;
 /// Rows left out below and above, where the outline runs across them.
 const LEFT_OUT: usize = 3;
-/// Fewer rows than this say nothing of how a slice changes with the height.
+/// Fewer rows than this do not show how a slice changes with the height.
 const LEAST_ROWS: usize = 40;
 /// Rays may rise by this much over their length and still count as level: over a grain's own depth a tangent then
 /// belongs to a slice that is off by less than two hundredths of its diameter.
-const MOST_RISE: f64 = 0.035;
+const MOST_ELEVATION: f64 = 0.035;
 /// Neighbouring directions may be this many times as far apart as they are in the mean.
 const MOST_UNEVEN: f64 = 2.0;
 /// Directions nearer to one another than this share of the mean distance are the same.
@@ -33,7 +33,7 @@ pub(super) struct Tangents {
     pub rows: Vec<Vec<Tangent>>,
 }
 
-/// A line that touches a slice: the places p with `p·(cos a, sin a) = reach`.
+/// A line that touches a slice: the points p with `p·(cos a, sin a) = reach`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Tangent {
     /// Direction of its normal out of the slice, radians.
@@ -59,7 +59,7 @@ impl Tangents {
             e.y.atan2(e.x).rem_euclid(TAU)
         };
         sides.sort_by(|a, b| direction(*a).total_cmp(&direction(*b)));
-        // Views from opposite sides touch the grain along the same lines: one of them tells.
+        // Views from opposite sides touch the grain along the same lines: one of them is kept.
         let near = SAME * TAU / sides.len() as f64;
         let mut kept = f64::NEG_INFINITY;
         sides.retain(|side| {
@@ -132,7 +132,7 @@ impl Sight {
         };
         let ray = ray.try_normalize(0.0)?;
         let right = Vector::new(ray.y, -ray.x, 0.0).try_normalize(0.0)?;
-        (ray.z.abs() <= MOST_RISE).then_some(())?;
+        (ray.z.abs() <= MOST_ELEVATION).then_some(())?;
         let mm_per_px = 1.0 / camera.px_per_mm(middle)?;
         Some(Self { right, centre, ray, mm_per_px })
     }
@@ -140,9 +140,9 @@ impl Sight {
     /// The tangent on one side (±1 of `right`) at a height; `None` where the view shows nothing there.
     fn touch(&self, cone: &Cone, middle: &Point, z: f64, half_mm: f64, side: f64) -> Option<Tangent> {
         let foot = Point::new(middle.x, middle.y, z);
-        let place = |u: f64| foot + self.right * (side * u);
+        let point = |u: f64| foot + self.right * (side * u);
         let at = |u: f64| {
-            let d = cone.projection().project(&place(u)).map(|q| cone.silhouette().signed_distance_px(q));
+            let d = cone.projection().project(&point(u)).map(|q| cone.silhouette().signed_distance_px(q));
             d.unwrap_or(f64::INFINITY)
         };
         // From outside inwards; the distance is a lower bound of how far the outline is.
@@ -164,7 +164,7 @@ impl Sight {
             }
             (u, d) = (next, e);
         };
-        let touched = place(crossing);
+        let touched = point(crossing);
         let ray = self.centre.map_or(self.ray, |c| touched - c);
         let normal = Vector::new(ray.y, -ray.x, 0.0).try_normalize(0.0)?;
         let normal = if normal.dot(&self.right) * side > 0.0 { normal } else { -normal };

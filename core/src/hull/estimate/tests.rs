@@ -1,4 +1,4 @@
-use super::{estimate as told, *};
+use super::{estimate as estimated, *};
 use crate::calibrate::Turntable;
 use crate::geometry::{Angle, Point};
 use crate::silhouette::Silhouette;
@@ -48,7 +48,7 @@ fn rippled(z: f64) -> f64 {
 
 /// The estimate of a hull that has one.
 fn estimate(cones: &[Cone], known: &Known) -> VolumeEstimate {
-    told(cones, known).unwrap()
+    estimated(cones, known).unwrap()
 }
 
 /// The hull of a body of revolution, exactly.
@@ -74,7 +74,10 @@ fn a_ball_fills_its_hull_but_for_the_corners() {
         let cones = views(ball, 25, 180.0, Turntable { camera_distance_mm: distance, ..level() });
         let e = estimate(&cones, &known);
         let signs = e.signs.unwrap();
-        assert!(signs.empty < 0.003 && signs.unsteady < 0.3 && signs.gaps < 0.003, "{signs:?}");
+        assert!(
+            signs.concavity < 0.003 && signs.curvature_variation < 0.3 && signs.gaps < 0.003,
+            "{signs:?}"
+        );
         assert!((e.volume_mm3 / truth - 1.0).abs() < 0.004, "{distance:?}: {} {truth}", e.volume_mm3);
         assert!(e.interval_mm3[0] < truth && truth < e.interval_mm3[1], "{distance:?}: {e:?}");
         assert!(e.interval_mm3[1] - e.interval_mm3[0] < 0.02 * truth);
@@ -85,8 +88,8 @@ fn a_ball_fills_its_hull_but_for_the_corners() {
 fn ripples_along_the_axis_tell_of_hollows_across_it() {
     let smooth = estimate(&views(ball, 25, 180.0, level()), &known(ball, 25));
     let rough = estimate(&views(rippled, 25, 180.0, level()), &known(rippled, 25));
-    let empty = |e: &VolumeEstimate| e.signs.unwrap().empty;
-    assert!(empty(&rough) > empty(&smooth) + 0.02, "{rough:?}");
+    let concavity = |e: &VolumeEstimate| e.signs.unwrap().concavity;
+    assert!(concavity(&rough) > concavity(&smooth) + 0.02, "{rough:?}");
     let share = |e: &VolumeEstimate, radius: fn(f64) -> f64| e.volume_mm3 / known(radius, 25).volume_mm3;
     assert!(share(&rough, rippled) < share(&smooth, ball));
 }
@@ -134,7 +137,7 @@ fn each_uncertainty_widens_the_interval_and_is_named() {
 }
 
 #[test]
-fn a_body_unlike_all_that_was_fitted_to_is_told_and_leaves_more_open() {
+fn a_body_unlike_all_that_was_fitted_to_is_named_and_leaves_more_open() {
     // Thick and thin: its outline leaves a fifth of its convex hull free. Its slices are discs none the less.
     let waisted = |z: f64| if z.abs() < 40.0 { 50.0 } else { 100.0 };
     let e = estimate(&views(waisted, 25, 180.0, level()), &known(waisted, 25));

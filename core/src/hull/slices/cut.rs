@@ -1,4 +1,4 @@
-//! The common part of strips: half-planes in the order of their directions, and convex polygons cut by a line.
+//! Half-plane intersection in the plane: half-planes in the order of their directions, and convex polygons cut by a line.
 
 /// A corner of a convex polygon, counter-clockwise, and the half-plane whose edge begins there.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,7 +19,7 @@ pub(super) fn cross(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[1] - a[1] * b[0]
 }
 
-/// Working memory of [`Chain::intersect`]: the lines that bound the common part so far, in order, and the corners
+/// Scratch buffers of [`Chain::intersect`]: the lines that bound the common part so far, in order, and the corners
 /// between neighbours.
 #[derive(Debug, Default)]
 pub(super) struct Chain {
@@ -46,12 +46,12 @@ impl Chain {
             while lines.len() > head + 1 && beyond(corners[lines.len() - 2], j) {
                 lines.pop();
                 corners.pop();
-                // Past half a turn from the line now last, the cut-off corner was the nearest place to j: none is left.
+                // Past half a turn from the line now last, the cut-off corner was the nearest point to j: none is left.
                 if cross(normal(lines[lines.len() - 1]), normal(j)) <= 0.0 {
                     return false;
                 }
             }
-            // Only past half a turn from the chain's first line can j cut that off: where many lines meet in one place,
+            // Only past half a turn from the chain's first line can j cut that off: where many lines meet in one point,
             // rounding alone may put the first corner beyond j.
             let past = |head: usize, lines: &[u32]| cross(normal(j), normal(lines[head])) > 0.0;
             while lines.len() > head + 1 && past(head, lines) && beyond(corners[head], j) {
@@ -164,7 +164,7 @@ mod tests {
 
     #[test]
     fn lines_that_meet_in_the_corners_of_a_body_leave_the_body() {
-        // Tight strips about a triangle, anywhere: most lines go through one of three places.
+        // Tight strips about a triangle, anywhere: most lines go through one of three points.
         for turn in 0..400 {
             let t = f64::from(turn) * 0.0137;
             let body = [0.3, 2.4, 4.4].map(|a: f64| [0.2 + 0.5 * (a + t).cos(), 0.5 * (a + t).sin() - 0.1]);

@@ -47,9 +47,9 @@ impl Direction<'_> {
 
 /// Sorts the views by direction and joins those that look along the same line.
 pub(super) fn sorted(views: &[Strips]) -> Result<Vec<Direction<'_>>, SliceError> {
-    let ladder = views.first().ok_or(SliceError::OneDirection { views: 0 })?.ladder();
-    if let Some((view, v)) = views.iter().enumerate().find(|(_, v)| v.ladder() != ladder) {
-        return Err(SliceError::Ladders { view, ladder: v.ladder(), first: ladder });
+    let row_grid = views.first().ok_or(SliceError::OneDirection { views: 0 })?.row_grid();
+    if let Some((view, v)) = views.iter().enumerate().find(|(_, v)| v.row_grid() != row_grid) {
+        return Err(SliceError::RowGrids { view, row_grid: v.row_grid(), first: row_grid });
     }
     let mut all: Vec<Direction> = views.iter().map(direction).collect();
     all.sort_by(|a, b| a.angle.total_cmp(&b.angle));

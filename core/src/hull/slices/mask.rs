@@ -1,7 +1,7 @@
-//! Strips from masks of whole pixels.
+//! Strips from binary masks.
 
 use super::sight::{Line, Sight, push_crossing};
-use super::{Ladder, SliceError, Strips};
+use super::{RowGrid, SliceError, Strips};
 use crate::geometry::Projection;
 
 /// A mask of whole pixels, a bit each: set where the pixel is in the silhouette.
@@ -116,19 +116,19 @@ fn packed(pixels: &[u8]) -> u64 {
 /// Eight pixels as the lowest bits.
 #[inline]
 fn bits(pixels: [u8; 8]) -> u64 {
-    // The highest bit of each byte says whether it is 0; the product brings these eight bits together.
+    // The highest bit of each byte shows whether it is 0; the product brings these eight bits together.
     let x = u64::from_le_bytes(pixels);
     let low = 0x7f7f_7f7f_7f7f_7f7f;
     let set = ((((x & low) + low) | x) & !low) >> 7;
     set.wrapping_mul(0x0102_0408_1020_4080) >> 56
 }
 
-impl Ladder {
+impl RowGrid {
     /// The rows of a picture's pixels where the axis stands upright in it: a row through each pixel's centre on the
     /// axis, from the lowest row of the picture to the highest.
     ///
     /// # Errors
-    /// [`SliceError::NotLevel`], and [`SliceError::Ladder`] for a picture of no rows.
+    /// [`SliceError::NotLevel`], and [`SliceError::RowGrid`] for a picture of no rows.
     pub fn of_rows(camera: &Projection, height: usize) -> Result<Self, SliceError> {
         let sight = Sight::of(camera)?;
         let per_mm = sight.up_px[1];
@@ -140,15 +140,15 @@ impl Ladder {
 }
 
 impl Strips {
-    /// From a mask on the rows of a ladder: the grain is where a row's line passes through set pixels, whose edges are
+    /// From a mask on the rows of a row grid: the grain is where a row's line passes through set pixels, whose edges are
     /// half a pixel from their centres.
     ///
     /// # Errors
-    /// [`SliceError::Ladder`], and [`SliceError::NotLevel`] where the view's rays are not parallel and level.
-    pub fn from_mask(mask: &BitMask, camera: &Projection, ladder: Ladder) -> Result<Self, SliceError> {
+    /// [`SliceError::RowGrid`], and [`SliceError::NotLevel`] where the view's rays are not parallel and level.
+    pub fn from_mask(mask: &BitMask, camera: &Projection, row_grid: RowGrid) -> Result<Self, SliceError> {
         let sight = Sight::of(camera)?;
         let mut crossings = Vec::new();
-        Self::from_fn(ladder, sight.angle_rad, |z, out| {
+        Self::from_fn(row_grid, sight.angle_rad, |z, out| {
             let line = sight.line(z);
             mask.cross(&line, &mut crossings);
             line.push_intervals(&crossings, out);
@@ -189,14 +189,14 @@ mod tests {
         };
         for roll_rad in [0.0, 0.03, -0.05] {
             let camera = Turntable { roll_rad, ..upright }.view(Angle::from_deg(20.0), 0.0);
-            let ladder = Ladder::of_rows(&camera, h).unwrap();
-            let strips = Strips::from_mask(&mask, &camera, ladder).unwrap();
+            let row_grid = RowGrid::of_rows(&camera, h).unwrap();
+            let strips = Strips::from_mask(&mask, &camera, row_grid).unwrap();
             let sight = Sight::of(&camera).unwrap();
             for k in (0..h).step_by(7) {
-                let z = ladder.height(k);
+                let z = row_grid.height(k);
                 for i in 0..2000 {
                     let u = -0.8 + f64::from(i) * 8.1e-4;
-                    let [x, y] = sight.place(u, z);
+                    let [x, y] = sight.pixel(u, z);
                     let near = (x - x.floor() - 0.5).abs() < 1e-6 || (y - y.floor() - 0.5).abs() < 1e-6;
                     let inside = strips.row(k).iter().any(|[a, b]| (*a..=*b).contains(&u));
                     assert!(near || inside == mask.get(x.round() as i64, y.round() as i64), "{x} {y}");

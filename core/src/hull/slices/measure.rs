@@ -5,7 +5,7 @@
 //! rule: its error is pitch²/24 × (the slope of the area at the top − at the bottom), of second order, as are the
 //! errors from kinks between. It is the rule of choice here because every slice has the same positive weight, so that
 //! a view that takes from the slices takes from the volume too, and because a flat bottom (the cut at the pedestal)
-//! costs nothing where the ladder tiles the height; with the rows given by pixels, it costs what the pixels miss of it.
+//! costs nothing where the row grid tiles the height; with the rows given by pixels, it costs what the pixels miss of it.
 
 use super::cut::Corner;
 use super::moments::Moments;
@@ -34,7 +34,7 @@ pub struct SliceFigures {
 pub struct SliceMeasures {
     /// Volume, mm³: the slices' areas times the pitch.
     pub volume_mm3: f64,
-    /// Surface area, mm²: [`SlicedHull::measures`] says what is counted.
+    /// Surface area, mm²: [`SlicedHull::measures`] defines what is counted.
     pub surface_area_mm2: f64,
     /// Centre of volume; `None` where the hull is empty.
     pub centroid_mm: Option<Point>,
@@ -49,7 +49,7 @@ impl SlicedHull {
     pub fn slice_figures(&self, row: usize) -> SliceFigures {
         let m = self.moments(row);
         SliceFigures {
-            height_mm: self.ladder.height(row),
+            height_mm: self.row_grid.height(row),
             area_mm2: m.area,
             centroid_mm: m.centroid(),
             second_mm4: m.second,
@@ -63,8 +63,8 @@ impl SlicedHull {
 
     /// Volume alone, mm³.
     pub fn volume_mm3(&self) -> f64 {
-        let areas: Vec<f64> = (0..self.ladder.rows).into_par_iter().map(|k| self.moments(k).area).collect();
-        areas.iter().sum::<f64>() * self.ladder.pitch_mm
+        let areas: Vec<f64> = (0..self.row_grid.rows).into_par_iter().map(|k| self.moments(k).area).collect();
+        areas.iter().sum::<f64>() * self.row_grid.pitch_mm
     }
 
     /// All figures; rows are summed in their order.
@@ -77,14 +77,14 @@ impl SlicedHull {
     /// pieces are joined piece by piece where these correspond, and where they do not by √(wall² + floor²): the mean
     /// perimeter times the pitch, and the area that only one of the two slices has.
     pub fn measures(&self) -> SliceMeasures {
-        let p = self.ladder.pitch_mm;
-        let rows: Vec<(Moments, f64)> = (0..self.ladder.rows)
+        let p = self.row_grid.pitch_mm;
+        let rows: Vec<(Moments, f64)> = (0..self.row_grid.rows)
             .into_par_iter()
             .map(|k| (self.moments(k), if k > 0 { surface::between(self, k - 1, k) } else { 0.0 }))
             .collect();
         let (mut volume, mut area, mut first, mut second) = (0.0, 0.0, [0.0; 3], [0.0; 6]);
         for (k, (m, side)) in rows.iter().enumerate() {
-            let z = self.ladder.height(k);
+            let z = self.row_grid.height(k);
             volume += m.area;
             area += side;
             let add = [m.first[0], m.first[1], z * m.area];
@@ -125,11 +125,11 @@ impl SlicedHull {
 
     fn bounding_box(&self) -> Option<Aabb> {
         let filled = |k: &usize| self.rows[*k] < self.rows[k + 1];
-        let low = (0..self.ladder.rows).find(filled)?;
-        let high = (0..self.ladder.rows).rfind(filled)?;
-        let half = 0.5 * self.ladder.pitch_mm;
+        let low = (0..self.row_grid.rows).find(filled)?;
+        let high = (0..self.row_grid.rows).rfind(filled)?;
+        let half = 0.5 * self.row_grid.pitch_mm;
         let at = |c: &Corner, z: f64| Point::new(c.at[0], c.at[1], z);
-        let (bottom, top) = (self.ladder.height(low) - half, self.ladder.height(high) + half);
+        let (bottom, top) = (self.row_grid.height(low) - half, self.row_grid.height(high) + half);
         Aabb::of(self.corners.iter().flat_map(|c| [at(c, bottom), at(c, top)]))
     }
 }

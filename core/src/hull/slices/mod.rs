@@ -8,7 +8,7 @@
 //! ```
 //!
 //! that is, disjoint convex polygons with at most two edges a view and interval. Their areas and moments are exact; the
-//! cost is rows × views. Along the height each slice stands for a slab as thick as the rows' pitch ([`Ladder`]).
+//! cost is rows × views. Along the height each slice stands for a slab as thick as the rows' pitch ([`RowGrid`]).
 
 mod cut;
 mod directions;
@@ -25,7 +25,7 @@ mod voxels;
 pub use mask::BitMask;
 pub use measure::{SliceFigures, SliceMeasures};
 pub use sight::Sight;
-pub use strips::{Ladder, Strips};
+pub use strips::{RowGrid, Strips};
 pub use voxels::{BitVoxels, VoxelGrid};
 
 use cut::Corner;
@@ -45,20 +45,20 @@ pub enum SliceError {
         /// How many views.
         views: usize,
     },
-    /// A ladder that is none.
+    /// A row grid that is none.
     #[error(
         "rows from {} mm on, {} mm apart, {} of them: the pitch must be a positive number and the rows 1 to {}",
         .0.first_mm, .0.pitch_mm, .0.rows, strips::MOST_ROWS
     )]
-    Ladder(Ladder),
+    RowGrid(RowGrid),
     /// A camera before which a slice is no line.
     #[error(
         "{}: exact slices need parallel rays square to the axis (within 1e-6 rad); use the hull on a grid",
-        .rise_rad.map_or("the view has perspective".to_owned(), |r| format!("the view's rays rise by {:.4}°", r.to_degrees()))
+        .elevation_rad.map_or("the view has perspective".to_owned(), |r| format!("the view's rays rise by {:.4}°", r.to_degrees()))
     )]
     NotLevel {
-        /// How far the rays are from level, radians; `None` where they are not parallel to each other.
-        rise_rad: Option<f64>,
+        /// Elevation of the rays from level, radians; `None` where they are not parallel to each other.
+        elevation_rad: Option<f64>,
     },
     /// The outlines share no height.
     #[error(
@@ -66,9 +66,9 @@ pub enum SliceError {
          check that all show the same grain and the same pedestal"
     )]
     NoCommonHeight {
-        /// The highest of the outlines' lowest places, mm.
+        /// The highest of the outlines' lowest points, mm.
         low_mm: f64,
-        /// The lowest of their highest places, mm.
+        /// The lowest of their highest points, mm.
         high_mm: f64,
     },
     /// Voxels that cannot be made.
@@ -80,14 +80,16 @@ pub enum SliceError {
         dims: [usize; 3],
     },
     /// Views with different rows.
-    #[error("view {view} has the rows {ladder:?}, the first view {first:?}: read all views on one ladder")]
-    Ladders {
+    #[error(
+        "view {view} has the rows {row_grid:?}, the first view {first:?}: read all views on one row grid"
+    )]
+    RowGrids {
         /// Number of the view in the list.
         view: usize,
         /// Its rows.
-        ladder: Ladder,
+        row_grid: RowGrid,
         /// The first view's.
-        first: Ladder,
+        first: RowGrid,
     },
     /// An angle that is no number.
     #[error("the stage's angle is {0} rad; it must be a finite number")]
@@ -106,12 +108,12 @@ pub enum SliceError {
     },
 }
 
-/// The exact hull: for each row of the ladder its slice, a set of disjoint convex polygons.
+/// The exact hull: for each row of the row grid its slice, a set of disjoint convex polygons.
 ///
 /// The same bits on any number of threads and for any order of the views.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SlicedHull {
-    ladder: Ladder,
+    row_grid: RowGrid,
     /// Unit normals of the half-planes, counter-clockwise.
     normals: Vec<[f64; 2]>,
     corners: Vec<Corner>,
@@ -122,29 +124,29 @@ pub struct SlicedHull {
 }
 
 impl SlicedHull {
-    /// The hull of views that were read on the same ladder. It may be empty.
+    /// The hull of views that were read on the same row grid. It may be empty.
     ///
     /// Cost: rows × views where each row is one interval; a gap in a view's row doubles the pieces at worst.
     ///
     /// # Errors
-    /// [`SliceError::OneDirection`] and [`SliceError::Ladders`].
+    /// [`SliceError::OneDirection`] and [`SliceError::RowGrids`].
     pub fn new(views: &[Strips]) -> Result<Self, SliceError> {
         let directions = directions::sorted(views)?;
         let normals = directions::normals(&directions);
-        let ladder = views[0].ladder();
-        let parts: Vec<Self> = (0..ladder.rows.div_ceil(ROWS_AT_ONCE))
+        let row_grid = views[0].row_grid();
+        let parts: Vec<Self> = (0..row_grid.rows.div_ceil(ROWS_AT_ONCE))
             .into_par_iter()
-            .map_init(row::Bench::default, |bench, n| {
-                let mut part = Self::empty(ladder);
+            .map_init(row::ScratchBuffers::default, |scratch, n| {
+                let mut part = Self::empty(row_grid);
                 let first = n * ROWS_AT_ONCE;
-                for row in first..(first + ROWS_AT_ONCE).min(ladder.rows) {
-                    bench.slice(&directions, &normals, row, &mut part.corners, &mut part.pieces);
+                for row in first..(first + ROWS_AT_ONCE).min(row_grid.rows) {
+                    scratch.slice(&directions, &normals, row, &mut part.corners, &mut part.pieces);
                     part.rows.push(part.pieces.len() as u32 - 1);
                 }
                 part
             })
             .collect();
-        let mut whole = Self { normals, ..Self::empty(ladder) };
+        let mut whole = Self { normals, ..Self::empty(row_grid) };
         for part in parts {
             let (corners, pieces) = (whole.corners.len() as u32, whole.pieces.len() as u32 - 1);
             whole.corners.extend(part.corners);
@@ -154,13 +156,13 @@ impl SlicedHull {
         Ok(whole)
     }
 
-    fn empty(ladder: Ladder) -> Self {
-        Self { ladder, normals: Vec::new(), corners: Vec::new(), pieces: vec![0], rows: vec![0] }
+    fn empty(row_grid: RowGrid) -> Self {
+        Self { row_grid, normals: Vec::new(), corners: Vec::new(), pieces: vec![0], rows: vec![0] }
     }
 
     /// The rows.
-    pub fn ladder(&self) -> Ladder {
-        self.ladder
+    pub fn row_grid(&self) -> RowGrid {
+        self.row_grid
     }
 
     /// The convex pieces of a row's slice.

@@ -1,4 +1,4 @@
-//! Area and moments of polygons, and what they sum to over the height.
+//! Area, first and second moments of polygons.
 
 use super::cut::{Corner, cross};
 

@@ -1,7 +1,7 @@
 //! Strips from silhouettes: every crossing of the outline with the lines of equal height.
 
 use super::sight::{self, Line, Sight, push_crossing};
-use super::{Ladder, SliceError, SlicedHull, Strips};
+use super::{RowGrid, SliceError, SlicedHull, Strips};
 use crate::hull::Cone;
 use crate::silhouette::Silhouette;
 use rayon::prelude::*;
@@ -10,18 +10,18 @@ use rayon::prelude::*;
 const SLACK_PX: f64 = 1.0;
 
 impl Strips {
-    /// From a view's silhouette on the rows of a ladder.
+    /// From a view's silhouette on the rows of a row grid.
     ///
-    /// Along each row's line the distance is looked at from pixel to pixel, in larger steps where it says that the
+    /// Along each row's line the distance is looked at from pixel to pixel, in larger steps where it shows that the
     /// outline is farther away; each change of sign is a crossing, placed where the field is 0. So no part or gap that
     /// is a pixel wide is missed. What lies outside the silhouette's rectangle is background.
     ///
     /// # Errors
-    /// [`SliceError::Ladder`], and [`SliceError::NotLevel`] where the view's rays are not parallel and level.
-    pub fn from_cone(cone: &Cone, ladder: Ladder) -> Result<Self, SliceError> {
+    /// [`SliceError::RowGrid`], and [`SliceError::NotLevel`] where the view's rays are not parallel and level.
+    pub fn from_cone(cone: &Cone, row_grid: RowGrid) -> Result<Self, SliceError> {
         let sight = Sight::of(cone.projection())?;
         let mut crossings = Vec::new();
-        Self::from_fn(ladder, sight.angle_rad, |z, out| {
+        Self::from_fn(row_grid, sight.angle_rad, |z, out| {
             let line = sight.line(z);
             cross(cone.silhouette(), &line, &mut crossings);
             line.push_intervals(&crossings, out);
@@ -49,8 +49,9 @@ impl SlicedHull {
         if !common {
             return Err(SliceError::NoCommonHeight { low_mm: low, high_mm: high });
         }
-        let ladder = Ladder::tiling([low, high], 1.0 / finest)?;
-        let views = cones.par_iter().map(|c| Strips::from_cone(c, ladder)).collect::<Result<Vec<_>, _>>()?;
+        let row_grid = RowGrid::tiling([low, high], 1.0 / finest)?;
+        let views =
+            cones.par_iter().map(|c| Strips::from_cone(c, row_grid)).collect::<Result<Vec<_>, _>>()?;
         Self::new(&views)
     }
 }
@@ -59,7 +60,7 @@ impl SlicedHull {
 /// above 0 outside the rectangle.
 fn cross(s: &Silhouette, line: &Line, out: &mut Vec<f64>) {
     out.clear();
-    let at = |x: f64| s.signed_distance_px(line.place(x));
+    let at = |x: f64| s.signed_distance_px(line.pixel(x));
     // From just outside the rectangle to just outside it again, by whole pixels.
     let first = s.origin[line.major] as f64 - 1.0;
     let end = first + s.size[line.major] as f64 + 1.0;
@@ -109,7 +110,7 @@ fn zero(at: &impl Fn(f64) -> f64, a: (f64, f64), b: (f64, f64)) -> f64 {
     }
 }
 
-/// Lowest and highest place of the outline along the axis, mm; reversed where there is none. The outline is looked up
+/// Lowest and highest point of the outline along the axis, mm; reversed where there is none. The outline is looked up
 /// on the pixels' rows and columns, between which it is straight.
 fn height_range(s: &Silhouette, sight: &Sight) -> [f64; 2] {
     let [w, h] = s.size;

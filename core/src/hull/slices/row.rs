@@ -6,9 +6,9 @@ use super::directions::Direction;
 /// Edges shorter than this share of the farthest coordinate are rounding.
 const SHORT: f64 = 1e-12;
 
-/// Working memory for rows, so that a row whose outlines are single intervals allocates nothing.
+/// Scratch buffers for rows, so that a row whose outlines are single intervals allocates nothing.
 #[derive(Debug, Default)]
-pub(super) struct Bench {
+pub(super) struct ScratchBuffers {
     chain: Chain,
     h: Vec<f64>,
     /// Pieces before and after a gap, while gaps are cut out.
@@ -16,7 +16,7 @@ pub(super) struct Bench {
     next: Vec<Vec<Corner>>,
 }
 
-impl Bench {
+impl ScratchBuffers {
     /// Adds the slice's convex pieces to `corners`, and the end of each to `ends`.
     ///
     /// First each view's strip from its first to its last interval, all in one go; then the gaps between intervals,
@@ -83,7 +83,7 @@ impl Bench {
     }
 }
 
-/// Drops edges that are rounding, where several lines meet in one place: a cut through it may put them out of order.
+/// Drops edges that are rounding, where several lines meet in one point: a cut through it may put them out of order.
 fn drop_short(piece: &mut Vec<Corner>) {
     let reach = piece.iter().fold(0.0, |m: f64, c| m.max(c.at[0].abs()).max(c.at[1].abs()));
     let mut k = 0;

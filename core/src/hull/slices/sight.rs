@@ -1,13 +1,14 @@
-//! Where a slice lies in a picture: level parallel rays see a horizontal plane as a line.
+//! Epipolar lines of level parallel rays: a horizontal plane is seen as a line of the picture.
 
 use super::SliceError;
 use crate::geometry::Projection;
 use crate::hull::Cone;
 
-/// How far a view's rays may rise over their length and still count as level: a nanometre over a millimetre.
-const MOST_RISE: f64 = 1e-6;
+/// How far a view's rays may rise over their length (the tangent of their elevation) and still count as level: a nanometre over
+/// a millimetre.
+const MOST_ELEVATION: f64 = 1e-6;
 
-/// A view's angle, and its picture of the plane across its rays through the axis: the place `u` mm right of the axis
+/// A view's angle, and its picture of the plane across its rays through the axis: the point `u` mm right of the axis
 /// (towards e(θ)) and `z` mm up is seen at `origin + u · right + z · up`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sight {
@@ -38,11 +39,11 @@ impl Sight {
         );
         // The ray's direction is (across, sideways, upwards); e is level and square to it.
         let level = across.hypot(sideways);
-        let rise = upwards.abs() / level;
-        let within = rise <= MOST_RISE;
+        let slope = upwards.abs() / level;
+        let within = slope <= MOST_ELEVATION;
         if !camera.is_orthographic() || !within {
-            let rise_rad = if camera.is_orthographic() { Some(rise.atan()) } else { None };
-            return Err(SliceError::NotLevel { rise_rad });
+            let elevation_rad = if camera.is_orthographic() { Some(slope.atan()) } else { None };
+            return Err(SliceError::NotLevel { elevation_rad });
         }
         let e = [-sideways / level, across / level];
         let along = |g: [f64; 3]| g[0] * e[0] + g[1] * e[1];
@@ -57,13 +58,13 @@ impl Sight {
         })
     }
 
-    /// Column and row of a place.
+    /// Column and row of a point.
     #[inline]
-    pub fn place(&self, u: f64, z: f64) -> [f64; 2] {
+    pub fn pixel(&self, u: f64, z: f64) -> [f64; 2] {
         [0, 1].map(|k| self.origin_px[k] + u * self.right_px[k] + z * self.up_px[k])
     }
 
-    /// `u` and `z` (mm) of a place in the picture.
+    /// `u` and `z` (mm) of a point in the picture.
     pub fn coordinates(&self, [column, row]: [f64; 2]) -> [f64; 2] {
         let (r, p) = (self.right_px, self.up_px);
         let det = r[0] * p[1] - r[1] * p[0];
@@ -80,7 +81,7 @@ impl Sight {
     pub(super) fn line(&self, z: f64) -> Line {
         let major = usize::from(self.right_px[0].abs() < self.right_px[1].abs());
         let mm = 1.0 / self.right_px[major];
-        let foot = self.place(0.0, z);
+        let foot = self.pixel(0.0, z);
         let slope = self.right_px[1 - major] * mm;
         Line { major, slope, at_zero: foot[1 - major] - slope * foot[major], foot: foot[major], mm }
     }
@@ -100,7 +101,7 @@ pub(super) struct Line {
 }
 
 impl Line {
-    pub(super) fn place(&self, s: f64) -> [f64; 2] {
+    pub(super) fn pixel(&self, s: f64) -> [f64; 2] {
         let other = self.at_zero + self.slope * s;
         if self.major == 0 { [s, other] } else { [other, s] }
     }
@@ -116,7 +117,7 @@ impl Line {
     }
 }
 
-/// Adds a crossing; two in one place are none.
+/// Adds a crossing; two in one point are none.
 pub(super) fn push_crossing(out: &mut Vec<f64>, at: f64) {
     if out.last() == Some(&at) {
         out.pop();
@@ -153,12 +154,12 @@ mod tests {
             assert!((sight.angle_rad - degrees.to_radians()).abs() < 1e-12, "{degrees}: {}", sight.angle_rad);
             let p = Point::new(0.31, -0.2, 0.9);
             let (u, z) = (p.x * cos - p.y * sin, p.z);
-            let (seen, placed) = (camera.project(&p).unwrap(), sight.place(u, z));
+            let (seen, placed) = (camera.project(&p).unwrap(), sight.pixel(u, z));
             assert!((0..2).all(|k| (seen[k] - placed[k]).abs() < 1e-9));
             let back = sight.coordinates(placed);
             assert!((back[0] - u).abs() < 1e-12 && (back[1] - z).abs() < 1e-12);
             let line = sight.line(z);
-            let on = line.place(placed[line.major]);
+            let on = line.pixel(placed[line.major]);
             assert!((0..2).all(|k| (on[k] - placed[k]).abs() < 1e-9));
         }
         let rising = Turntable { elevation_rad: 0.01, ..table };
@@ -167,7 +168,7 @@ mod tests {
         let near = Turntable { camera_distance_mm: Some(100.0), ..table };
         assert_eq!(
             Sight::of(&near.view(Angle::default(), 0.0)),
-            Err(SliceError::NotLevel { rise_rad: None })
+            Err(SliceError::NotLevel { elevation_rad: None })
         );
     }
 }

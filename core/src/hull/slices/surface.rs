@@ -10,7 +10,7 @@ const SLIVER: f64 = 1e-9;
 /// The surface between two neighbouring rows, mm², without the ends of stacks.
 pub(super) fn between(hull: &SlicedHull, lower: usize, upper: usize) -> f64 {
     let (a, b) = (solid(hull, lower), solid(hull, upper));
-    let pitch = hull.ladder.pitch_mm;
+    let pitch = hull.row_grid.pitch_mm;
     match (a.as_slice(), b.as_slice()) {
         ([], _) | (_, []) => 0.0,
         ([a], [b]) => mantle(a, b, &hull.normals, pitch),
@@ -33,9 +33,9 @@ fn solid(hull: &SlicedHull, row: usize) -> Vec<&[Corner]> {
 
 /// The end of a stack at row `k`, beside which a row has the area `inwards`: half a pitch of side, and the floor.
 pub(super) fn end(hull: &SlicedHull, k: usize, inwards: f64) -> f64 {
-    let half = 0.5 * hull.ladder.pitch_mm;
+    let half = 0.5 * hull.row_grid.pitch_mm;
     let area = hull.moments(k).area;
-    // Where the stack is one row thick nothing tells how it ends: flat.
+    // Where the stack is one row thick nothing shows how it ends: flat.
     let floor = if inwards > 0.0 { (1.5 * area - 0.5 * inwards).max(0.0) } else { area };
     let shrink = (floor / area).sqrt();
     let side = solid(hull, k).into_iter().map(|piece| {
@@ -74,7 +74,7 @@ fn mantle(a: &[Corner], b: &[Corner], normals: &[[f64; 2]], pitch: f64) -> f64 {
     };
     let (mut i, mut j, mut sum) = (0, 0, 0.0);
     while i < a.len() || j < b.len() {
-        // The next edge of either; beyond the last one, its first corner is the farthest place again.
+        // The next edge of either; beyond the last one, its first corner is the farthest point again.
         let (p, q) = (corner(a, from_a, i), corner(b, from_b, j));
         let edge_of = |k: usize, n: usize, c: &Corner| if k < n { c.edge } else { u32::MAX };
         let (e, f) = (edge_of(i, a.len(), &p), edge_of(j, b.len(), &q));

@@ -1,4 +1,4 @@
-//! Voxels, a bit each, written from the slices.
+//! Voxelisation of the slices, a bit a voxel.
 
 use super::cut::Corner;
 use super::{SliceError, SlicedHull};
@@ -58,7 +58,7 @@ impl BitVoxels {
 
 impl SlicedHull {
     /// The voxels whose centres are inside. A layer of voxels is cut from the row in whose slab its centres lie; a
-    /// ladder with a row for each layer makes them exact.
+    /// row grid with a row for each layer makes them exact.
     ///
     /// Each slice is filled line by line between its left and right chain of edges: the cost is as the layers' lines
     /// that the hull crosses and the words that are set, whatever the number of views.
@@ -77,9 +77,9 @@ impl SlicedHull {
         let mut words = vec![0_u64; layer * dims[2]];
         if layer > 0 {
             words.par_chunks_mut(layer).enumerate().for_each_init(Lines::default, |lines, (k, words)| {
-                let row = (origin.z + k as f64 * pitch_mm - self.ladder.first_mm) / self.ladder.pitch_mm;
+                let row = (origin.z + k as f64 * pitch_mm - self.row_grid.first_mm) / self.row_grid.pitch_mm;
                 let row = (row + 0.5).floor();
-                if row >= 0.0 && row < self.ladder.rows as f64 {
+                if row >= 0.0 && row < self.row_grid.rows as f64 {
                     for piece in self.slice(row as usize) {
                         lines.fill(piece, &grid, stride, words);
                     }
@@ -150,7 +150,7 @@ fn set(words: &mut [u64], first: usize, last: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hull::slices::{Ladder, Strips};
+    use crate::hull::slices::{RowGrid, Strips};
 
     #[test]
     fn runs_of_bits_are_set_across_words() {
@@ -170,11 +170,11 @@ mod tests {
     #[test]
     fn voxels_are_those_whose_centres_every_strip_holds() {
         // Two columns and a gap between them in one view; grids that do not fit the hull.
-        let ladder = Ladder { first_mm: 0.05, pitch_mm: 0.1, rows: 10 };
+        let row_grid = RowGrid { first_mm: 0.05, pitch_mm: 0.1, rows: 10 };
         let views: Vec<Strips> = (0..5)
             .map(|k| {
                 let angle = 0.3 + 0.6 * f64::from(k);
-                Strips::from_fn(ladder, angle, |z, out| match k {
+                Strips::from_fn(row_grid, angle, |z, out| match k {
                     2 => out.extend([[-0.5, -0.1 * z], [0.2 + 0.1 * z, 0.6]]),
                     _ => out.push([-0.45 - 0.1 * z, 0.52]),
                 })

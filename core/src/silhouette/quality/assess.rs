@@ -1,13 +1,13 @@
-//! Whether a picture is good enough to carve with: figures, their limits, and what to do where one is broken.
+//! Quality of one view by itself: blur, motion blur, clipping, contrast, their limits and remedies.
 //!
-//! This file judges one picture by itself; [`super::neighbours`] judges it against the pictures beside it.
+//! [`super::neighbours`] compares a view with the views beside it.
 
-use super::edge::{self, Edge, Part};
-use super::smear::{self, Smear};
-use super::{Found, Polarity, Side, Silhouette, Source};
-use serde::{Deserialize, Serialize};
+use super::edge::{self, Crop, Edge};
+use super::motion_blur::{self, MotionBlur};
+use super::{Bound, Check, Verdict, ViewQuality};
+use crate::silhouette::{Polarity, Segmentation, Side, Silhouette, Source};
 
-/// A blur of this share of the grain's diameter is doubtful, of the other bad. Half-way levels place a blurred
+/// A blur of this share of the grain's diameter is doubtful, of the other bad. Half-way levels put a blurred
 /// outline of radius R about σ²/2R too far inside, and round corners off to a radius of σ: at 2.5 % the radius is
 /// 0.13 % and the volume 0.4 % too small, at 5 % the volume is 1.5 % too small.
 const BLUR_SHARE: [f64; 2] = [0.025, 0.05];
@@ -27,120 +27,6 @@ const FULL_SHARE: f64 = 0.5;
 /// Contrast over noise. Outlines are placed on means of about a dozen pixels a side: at 6 the outline of each
 /// pixel wavers by a quarter of the blur; a threshold at 6 standard deviations needs as much to be clear.
 const CONTRAST_OF_NOISE: [f64; 2] = [10.0, 6.0];
-
-/// How good a view is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Verdict {
-    /// Nothing is wrong with it.
-    Good,
-    /// Usable, but a person should look at it.
-    Doubtful,
-    /// It should be taken again.
-    Bad,
-}
-
-/// On which side of its limit a figure is good.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Bound {
-    /// Good at the limit and below.
-    AtMost,
-    /// Good at the limit and above.
-    AtLeast,
-}
-
-/// One figure of a view and what it means.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Check {
-    /// What was looked at: `focus`, `motion`, `clipping`, `border`, `contrast`; against other views
-    /// `duplicate`, `focus_change`, `clipping_change`, `exposure`, `area`, `height`, `left`, `right`.
-    pub name: &'static str,
-    /// The figure.
-    pub value: f64,
-    /// Its unit.
-    pub unit: &'static str,
-    /// On which side of the limit it is good.
-    pub bound: Bound,
-    /// The limit that it breaks; where it breaks none, the one beyond which it is doubtful.
-    pub limit: f64,
-    /// What follows.
-    pub verdict: Verdict,
-    /// What is the matter and what to do about it; absent where nothing is.
-    pub remedy: Option<String>,
-}
-
-impl Check {
-    /// A figure that should be at most the first limit, and is bad beyond the second.
-    pub(super) fn at_most(name: &'static str, value: f64, unit: &'static str, limits: [f64; 2]) -> Self {
-        let verdict = match value {
-            v if v > limits[1] => Verdict::Bad,
-            v if v > limits[0] => Verdict::Doubtful,
-            _ => Verdict::Good,
-        };
-        let limit = if verdict == Verdict::Bad { limits[1] } else { limits[0] };
-        Self { name, value, unit, bound: Bound::AtMost, limit, verdict, remedy: None }
-    }
-
-    /// The same check with what to do where it is not good.
-    pub(super) fn or(mut self, remedy: impl FnOnce() -> String) -> Self {
-        self.remedy = (self.verdict != Verdict::Good).then(remedy);
-        self
-    }
-
-    /// The check in a sentence: name, value, unit, limit, remedy.
-    pub fn told(&self) -> String {
-        let round = |v: f64| {
-            let digits = if v.abs() >= 100.0 || v.fract() == 0.0 { 0 } else { 2 };
-            format!("{v:.digits$}")
-        };
-        let bound = match self.bound {
-            Bound::AtMost => "the limit is",
-            Bound::AtLeast => "it must be at least",
-        };
-        let (name, unit) = (self.name.replace('_', " "), self.unit);
-        let remedy = self.remedy.as_ref().map_or_else(String::new, |r| format!("; {r}"));
-        format!("{name} is {} {unit}, {bound} {} {unit}{remedy}", round(self.value), round(self.limit))
-    }
-}
-
-/// What was found out about a view's quality.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ViewQuality {
-    /// The worst of the checks' verdicts.
-    pub verdict: Verdict,
-    /// Every check that could be made.
-    pub checks: Vec<Check>,
-}
-
-impl ViewQuality {
-    /// The quality that follows from checks.
-    pub fn of(checks: Vec<Check>) -> Self {
-        let verdict = checks.iter().map(|c| c.verdict).max().unwrap_or(Verdict::Good);
-        Self { verdict, checks }
-    }
-
-    /// Takes in more checks.
-    pub fn add(&mut self, checks: impl IntoIterator<Item = Check>) {
-        for check in checks {
-            self.verdict = self.verdict.max(check.verdict);
-            self.checks.push(check);
-        }
-    }
-
-    /// States anew at which ends of the picture (as [`super::Report::touches_border`]) the grain is cut off: before a
-    /// turntable only all views together tell whether it is the pedestal that reaches the bottom.
-    pub fn state_border(&mut self, touches: [bool; 4]) {
-        let stated = border(touches);
-        self.checks.iter_mut().filter(|c| c.name == stated.name).for_each(|c| *c = stated.clone());
-        *self = Self::of(std::mem::take(&mut self.checks));
-    }
-
-    /// What a person should know: value, unit, limit and remedy of each check that is not good.
-    pub fn warnings(&self) -> Vec<String> {
-        self.checks.iter().filter(|c| c.verdict != Verdict::Good).map(Check::told).collect()
-    }
-}
 
 /// Figures of a view that are compared with those of the views beside it.
 #[derive(Debug, Clone, PartialEq)]
@@ -174,7 +60,7 @@ impl Traits {
         let spans = || extents.iter().flatten();
         let first = extents.iter().position(Option::is_some).unwrap_or(0);
         let last = extents.iter().rposition(Option::is_some).unwrap_or(0);
-        // The deepest pixel of the first row lies as far below the outline's top as its distance says.
+        // The deepest pixel of the first row lies as far below the outline's top as its distance.
         let line = &s.distance_px[first * s.size[0]..(first + 1) * s.size[0]];
         let depth = f64::from(line.iter().copied().fold(0.0, f32::min));
         self.filled_px = spans().map(|[left, right]| right - left).sum();
@@ -187,15 +73,25 @@ impl Traits {
     }
 }
 
+impl ViewQuality {
+    /// States anew at which ends of the picture (as [`crate::silhouette::Report::touches_border`]) the grain is cut off: before a
+    /// turntable only all views together show whether it is the pedestal that reaches the bottom.
+    pub fn state_border(&mut self, touches: [bool; 4]) {
+        let stated = border(touches);
+        self.checks.iter_mut().filter(|c| c.name == stated.name).for_each(|c| *c = stated.clone());
+        *self = Self::of(std::mem::take(&mut self.checks));
+    }
+}
+
 /// Judges a picture by itself; also its figures for [`between`](super::between()). Reads only the pixels within a few
 /// dozen of the outline.
-pub fn assess(picture: &dyn Source, found: &Found) -> (ViewQuality, Traits) {
-    let part = Part::of(picture, found);
-    let edge = edge::measure(&part, found);
+pub fn assess(picture: &dyn Source, found: &Segmentation) -> (ViewQuality, Traits) {
+    let crop = Crop::of(picture, found);
+    let edge = edge::measure(&crop, found);
     let report = &found.report;
     let diameter_px = (4.0 * report.area_px / std::f64::consts::PI).sqrt().max(1.0);
     let mut checks = vec![focus(&edge, diameter_px)];
-    checks.extend(smear::measure(&part, found).map(|smear| motion(&smear, diameter_px)));
+    checks.extend(motion_blur::measure(&crop, found).map(|blur| motion(&blur, diameter_px)));
     checks.push(clipping(&edge, report.polarity));
     checks.push(border(report.touches_border));
     checks.push(contrast(report.contrast, report.noise));
@@ -209,7 +105,7 @@ pub fn assess(picture: &dyn Source, found: &Found) -> (ViewQuality, Traits) {
         columns: [0.0; 2],
         top: 0.0,
         height: 0.0,
-        pixels: fingerprint(&part, found),
+        pixels: fingerprint(&crop, found),
     };
     traits.take_outline(&found.silhouette);
     (ViewQuality::of(checks), traits)
@@ -226,8 +122,8 @@ fn focus(edge: &Edge, diameter_px: f64) -> Check {
     })
 }
 
-fn motion(smear: &Smear, diameter_px: f64) -> Check {
-    let Smear { softest_px, sharpest_px, softest_deg } = *smear;
+fn motion(blur: &MotionBlur, diameter_px: f64) -> Check {
+    let MotionBlur { softest_px, sharpest_px, softest_deg } = *blur;
     let limits =
         [0, 1].map(|k| MOTION_PX[k].max(MOTION_OF_BLUR[k] * sharpest_px).max(MOTION_SHARE[k] * diameter_px));
     Check::at_most("motion", softest_px - sharpest_px, "px", limits).or(|| {
@@ -295,7 +191,7 @@ fn contrast(contrast: f64, noise: f64) -> Check {
 
 /// A number of the pixels in the silhouette's rectangle and of where it lies (FNV-1a's steps on eight bytes at a
 /// time): two pictures with the same number show the same pixels.
-fn fingerprint(part: &Part, found: &Found) -> u64 {
+fn fingerprint(crop: &Crop, found: &Segmentation) -> u64 {
     const PRIME: u64 = 0x0000_0100_0000_01b3;
     let s = &found.silhouette;
     let mut sum = 0xcbf2_9ce4_8422_2325_u64;
@@ -307,7 +203,7 @@ fn fingerprint(part: &Part, found: &Found) -> u64 {
         mix(*v as u64);
     }
     for y in s.origin[1]..s.origin[1] + s.size[1] {
-        for word in part.row(y, &(s.origin[0]..s.origin[0] + s.size[0])).chunks(8) {
+        for word in crop.row(y, &(s.origin[0]..s.origin[0] + s.size[0])).chunks(8) {
             let mut bytes = [0; 8];
             bytes[..word.len()].copy_from_slice(word);
             mix(u64::from_le_bytes(bytes));

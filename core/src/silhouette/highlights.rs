@@ -1,12 +1,12 @@
-//! Highlights on the grain that are brighter than the bright background.
+//! Specular highlights on the grain that are brighter than the bright background.
 //!
 //! A mirroring facet saturates the camera: what is brighter than the background is not background either. Inside the
 //! grain such a spot is an opening, which is filled; on its edge it would be a bite out of the outline.
 
 use super::Source;
-use super::frame::Rect;
 use super::mask::{Connect, Mask};
 use super::plane::Plane;
+use super::rect::Rect;
 
 /// A pixel is saturated from this grey level on, in every channel.
 const SATURATED: u8 = 250;
@@ -24,13 +24,13 @@ fn opened(mask: &Mask) -> Mask {
     mask.eroded(LEAST_HALF_WIDTH).dilated(LEAST_HALF_WIDTH)
 }
 
-/// The saturated pixels of a mask in the plane that lies within `place`.
-fn saturated(plane: &Plane, picture: &dyn Source, mask: &Mask, place: &Rect) -> Mask {
+/// The saturated pixels of a mask in the plane that lies within `window`.
+fn saturated(plane: &Plane, picture: &dyn Source, mask: &Mask, window: &Rect) -> Mask {
     let (r, channels) = (plane.rect, picture.shape()[2]);
-    let pixels = picture.part(&(r.x0 + place.x0..r.x0 + place.x1), &(r.y0 + place.y0..r.y0 + place.y1));
+    let pixels = picture.part(&(r.x0 + window.x0..r.x0 + window.x1), &(r.y0 + window.y0..r.y0 + window.y1));
     let mut out = Mask::empty(mask.width, mask.height);
-    for (y, row) in (place.y0..).zip(pixels.chunks_exact(place.width() * channels)) {
-        for (x, pixel) in (place.x0..).zip(row.chunks_exact(channels)) {
+    for (y, row) in (window.y0..).zip(pixels.chunks_exact(window.width() * channels)) {
+        for (x, pixel) in (window.x0..).zip(row.chunks_exact(channels)) {
             let k = y * mask.width + x;
             out.bits[k] = mask.bits[k] & u8::from(pixel.iter().all(|&v| v >= SATURATED));
         }
@@ -39,7 +39,7 @@ fn saturated(plane: &Plane, picture: &dyn Source, mask: &Mask, place: &Rect) -> 
 }
 
 /// Gives the spots at the grain the grain's level `grain_level` in the plane, rim and all; `limit` (both in the plane's
-/// units) is what tells a pixel from the background. Whether there were any.
+/// units) separates a pixel from the background. Whether there were any.
 pub(super) fn darken(
     plane: &mut Plane,
     picture: &dyn Source,
@@ -54,8 +54,8 @@ pub(super) fn darken(
         return false;
     }
     let brighter = opened(&Mask { width: w, height: plane.height, bits });
-    let Some(place) = brighter.bounds() else { return false };
-    let spots = opened(&saturated(plane, picture, &brighter, &place));
+    let Some(window) = brighter.bounds() else { return false };
+    let spots = opened(&saturated(plane, picture, &brighter, &window));
     let (runs, components) = spots.components(Connect::Corners);
     let mut around = vec![[0_usize; 2]; components.len()];
     for run in &runs {

@@ -1,6 +1,6 @@
-//! How sharp a picture is by itself: a figure to focus by.
+//! Focus measure of a picture (Tenengrad): a figure to focus by.
 
-use super::Picture;
+use crate::silhouette::Picture;
 use rayon::prelude::*;
 
 /// Sharpness: the mean square of the gradient of the brightness over the square of its mean, per square pixel; 0 for a picture

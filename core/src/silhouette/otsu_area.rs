@@ -1,4 +1,4 @@
-//! What Otsu's threshold alone would give, to hold the outline against.
+//! Area of the mask that Otsu's threshold alone gives, to compare the outline with.
 
 use super::Silhouette;
 use super::plane::{PER_LEVEL, Plane};
@@ -6,7 +6,7 @@ use super::plane::{PER_LEVEL, Plane};
 /// Pixels this near to the outline count: what lies further off is another object.
 const NEAR_PX: f32 = 6.0;
 
-/// Square pixels of the plane above a threshold (grey levels), in the outline and near it, where `counts` says so of a
+/// Square pixels of the plane above a threshold (grey levels), in the outline and near it, where `counts` holds for a
 /// pixel in the plane: the published method's mask of the same object, counted.
 pub(super) fn area_px(
     plane: &Plane,

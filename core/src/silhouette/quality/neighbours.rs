@@ -1,4 +1,4 @@
-//! Whether a view fits the views beside it: what a turning body can show, and what it cannot.
+//! Consistency of a view with the views beside it: bounds that every rigid body keeps as it turns.
 //!
 //! The widest reach of a body's rows to one side is a support function of the stage's angle, and so is the area
 //! between each row's ends. For directions a before and b behind, the support function h keeps
@@ -12,11 +12,10 @@
 //! grain is too angular for this. A telecentric lens is assumed; perspective, noise and the motor's errors are what
 //! the tolerances are for.
 
-use super::Traits;
-use super::quality::Check;
+use super::{Check, Traits};
 use std::collections::BTreeSet;
 
-/// Views further apart than this say little about each other, degrees: two steps of the usual 7.2°.
+/// Views further apart than this constrain each other too little, degrees: two steps of the usual 7.2°.
 const FURTHEST_DEG: f64 = 15.5;
 /// Views nearer than this are taken at one angle: a closing view.
 const NEAREST_DEG: f64 = 0.5;
@@ -31,7 +30,7 @@ const BLUR_MORE_PX: [f64; 2] = [0.5, 1.5];
 const EXPOSURE_SHARE: [f64; 2] = [0.06, 0.2];
 /// And at least this many grey levels: uneven light, looked at beside a grain that moves.
 const EXPOSURE_LEVELS: [f64; 2] = [5.0, 12.0];
-/// Where fewer than two views are beside it, all views on the turntable tell of its light; it may then be doubtful only
+/// Where fewer than two views are beside it, all views on the turntable are compared in light; it may then be doubtful only
 /// beyond so many times as much, since the grain hides another part of an uneven background in each.
 const FAR_LIGHT: f64 = 2.0;
 /// Change of the share of full pixels, in points of per cent.
@@ -56,9 +55,9 @@ const EXTRAPOLATED: f64 = 2.0;
 /// Where more than this share of the views breaks its bounds, it is the angles that are wrong, not the views.
 const MOST_OUTLIERS: f64 = 0.25;
 
-/// A view among others.
+/// The traits of a view and its angle on the turntable.
 #[derive(Debug, Clone, Copy)]
-pub struct Placed<'a> {
+pub struct ViewTraits<'a> {
     /// Its index, for what a person reads.
     pub index: usize,
     /// The stage's angle, degrees; `None` where the view has a camera of its own.
@@ -70,8 +69,8 @@ pub struct Placed<'a> {
 /// What each view's figures are against the others', in the order of the views. Neighbours are views at most 15.5°
 /// away on a turntable; a view that has none is looked at for repeating another, and on a turntable for its focus and light
 /// beside all others.
-pub fn between(views: &[Placed]) -> Vec<Vec<Check>> {
-    let others = |k: usize| -> Vec<Placed> {
+pub fn between(views: &[ViewTraits]) -> Vec<Vec<Check>> {
+    let others = |k: usize| -> Vec<ViewTraits> {
         views.iter().enumerate().filter(|(j, _)| *j != k).map(|(_, v)| *v).collect()
     };
     let mut checks: Vec<Vec<Check>> = (0..views.len())
@@ -95,10 +94,10 @@ pub fn between(views: &[Placed]) -> Vec<Vec<Check>> {
 
 /// What a new view's figures are against those of the views before it. Only what breaks a bound for certain counts:
 /// a grain may well show more than the views so far foretell.
-pub fn against(earlier: &[Placed], view: &Placed) -> Vec<Check> {
+pub fn against(earlier: &[ViewTraits], view: &ViewTraits) -> Vec<Check> {
     let mut checks = vec![duplicate(earlier, view)];
     checks.extend(beside(earlier, view));
-    let all: Vec<Placed> = earlier.iter().chain([view]).copied().collect();
+    let all: Vec<ViewTraits> = earlier.iter().chain([view]).copied().collect();
     for series in Series::ALL {
         let points = series.points(&all);
         let (here, rest): (Vec<Point>, Vec<Point>) =
@@ -108,8 +107,8 @@ pub fn against(earlier: &[Placed], view: &Placed) -> Vec<Check> {
     checks
 }
 
-fn duplicate(earlier: &[Placed], view: &Placed) -> Check {
-    let same = |v: &&Placed| v.traits.pixels == view.traits.pixels && view.traits.noise >= LEAST_NOISE;
+fn duplicate(earlier: &[ViewTraits], view: &ViewTraits) -> Check {
+    let same = |v: &&ViewTraits| v.traits.pixels == view.traits.pixels && view.traits.noise >= LEAST_NOISE;
     let first = earlier.iter().find(same);
     Check::at_most("duplicate", earlier.iter().filter(same).count() as f64, "earlier views", [0.0, 0.0]).or(|| {
         format!(
@@ -120,14 +119,14 @@ fn duplicate(earlier: &[Placed], view: &Placed) -> Check {
     })
 }
 
-fn away(a: &Placed, b: &Placed) -> Option<f64> {
+fn away(a: &ViewTraits, b: &ViewTraits) -> Option<f64> {
     a.angle_deg.zip(b.angle_deg).map(|(a, b)| a - b)
 }
 
 /// The two nearest views on either side.
-fn neighbours<'a>(others: &[Placed<'a>], view: &Placed) -> Vec<Placed<'a>> {
+fn neighbours<'a>(others: &[ViewTraits<'a>], view: &ViewTraits) -> Vec<ViewTraits<'a>> {
     let side = |sign: f64| {
-        let mut found: Vec<(f64, Placed)> = (others.iter())
+        let mut found: Vec<(f64, ViewTraits)> = (others.iter())
             .filter_map(|o| away(o, view).map(|d| (sign * d, *o)))
             .filter(|(d, _)| (0.0..=FURTHEST_DEG).contains(d) && (sign > 0.0 || *d > 0.0))
             .collect();
@@ -144,16 +143,16 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
 }
 
 /// Focus, light and height against the neighbours' medians.
-fn beside(others: &[Placed], view: &Placed) -> Vec<Check> {
+fn beside(others: &[ViewTraits], view: &ViewTraits) -> Vec<Check> {
     let near = neighbours(others, view);
-    let of = |views: &[Placed], figure: fn(&Traits) -> f64| {
+    let of = |views: &[ViewTraits], figure: fn(&Traits) -> f64| {
         median(views.iter().map(|n| figure(n.traits)).collect())
     };
     let here = view.traits;
     let both = |f: &dyn Fn(usize) -> f64| [f(0), f(1)];
     let mut checks = Vec::new();
     // Where the steps are long, all views on the turntable stand for the neighbours: the lens is the same.
-    let far: Vec<Placed> = others.iter().filter(|o| away(o, view).is_some()).copied().collect();
+    let far: Vec<ViewTraits> = others.iter().filter(|o| away(o, view).is_some()).copied().collect();
     let sharp = if near.is_empty() { &far } else { &near };
     if let Some(blur) = of(sharp, |t| t.blur_px) {
         let limits = both(&|k| BLUR_FACTOR[k] * blur + BLUR_MORE_PX[k]);
@@ -179,7 +178,7 @@ fn beside(others: &[Placed], view: &Placed) -> Vec<Check> {
 }
 
 /// Light against the views beside it, or against all where these are fewer than two: the lamp is the same.
-fn lit(near: &[Placed], far: &[Placed], here: &Traits) -> Vec<Check> {
+fn lit(near: &[ViewTraits], far: &[ViewTraits], here: &Traits) -> Vec<Check> {
     let is_near = near.len() >= 2;
     let (others, whose) = if is_near { (near, "neighbouring") } else { (far, "the other") };
     let of =
@@ -200,7 +199,7 @@ fn lit(near: &[Placed], far: &[Placed], here: &Traits) -> Vec<Check> {
         light[0] = light[1].min(FAR_LIGHT * light[0]);
     }
     if others.len() == 1 {
-        // Which of the two is the wrong one is not told; where it is by its full pixels, the next check says so.
+        // Which of the two is the wrong one is not known; where its full pixels show it, the next check finds it.
         light[1] = f64::INFINITY;
     }
     vec![
@@ -252,7 +251,7 @@ impl Series {
 
     /// The figures of all views with an angle, in the order of the angles. Reaches count from the middle of all views:
     /// that it is not the axis adds 1 − 1/cos of the step times the difference, less than a hundredth of it.
-    fn points(self, views: &[Placed]) -> Vec<Point> {
+    fn points(self, views: &[ViewTraits]) -> Vec<Point> {
         let n = views.len().max(1) as f64;
         let middle = views.iter().map(|v| 0.5 * (v.traits.columns[0] + v.traits.columns[1])).sum::<f64>() / n;
         let value = |t: &Traits| match self {
@@ -260,15 +259,16 @@ impl Series {
             Self::Left => middle - t.columns[0],
             Self::Right => t.columns[1] - middle,
         };
-        let point =
-            |(view, v): (usize, &Placed)| v.angle_deg.map(|deg| Point { view, deg, value: value(v.traits) });
+        let point = |(view, v): (usize, &ViewTraits)| {
+            v.angle_deg.map(|deg| Point { view, deg, value: value(v.traits) })
+        };
         let mut points: Vec<Point> = views.iter().enumerate().filter_map(point).collect();
         points.sort_by(|a, b| a.deg.total_cmp(&b.deg));
         points
     }
 
     /// What the bounds may be broken by before a view is doubtful, and bad: in the figure's unit.
-    fn limits(self, views: &[Placed]) -> [f64; 2] {
+    fn limits(self, views: &[ViewTraits]) -> [f64; 2] {
         let n = views.len().max(1) as f64;
         let mean = |f: fn(&Traits) -> f64| views.iter().map(|v| f(v.traits)).sum::<f64>() / n;
         let width = mean(|t| t.columns[1] - t.columns[0]);
@@ -281,9 +281,9 @@ impl Series {
         })
     }
 
-    /// By how much a view lies beyond what the rest allows, where the rest says anything; nothing where it is not
+    /// By how much a view lies beyond what the rest allows, where the rest sets a bound; nothing where it is not
     /// `suspect`, because then it is the other view of a broken pair that is wrong.
-    fn check(self, rest: &[Point], point: &Point, views: &[Placed], suspect: bool) -> Option<Check> {
+    fn check(self, rest: &[Point], point: &Point, views: &[ViewTraits], suspect: bool) -> Option<Check> {
         let [least, greatest] = bounds(rest, point.deg);
         if least.is_none() && greatest.is_none() {
             return None;
@@ -319,7 +319,7 @@ impl Series {
 }
 
 /// The names of the views beside one.
-fn nearest(points: &[Point], point: &Point, views: &[Placed]) -> String {
+fn nearest(points: &[Point], point: &Point, views: &[ViewTraits]) -> String {
     let away = |p: &Point| (p.deg - point.deg).abs();
     let mut near: Vec<&Point> = points.iter().filter(|p| p.view != point.view).collect();
     near.sort_by(|a, b| away(a).total_cmp(&away(b)));

@@ -1,4 +1,4 @@
-//! Whether the outline is softer in one direction than across it: something moved during the exposure.
+//! Motion blur: the edge is softer along one direction than across it, as something moved during the exposure.
 //!
 //! A lens out of focus softens all directions alike; a motion softens the edges that it crosses, on either side of the
 //! grain, and leaves those along it as sharp as they were. The outline itself is no help: its level follows the ramp
@@ -8,8 +8,8 @@
 //! All else that widens a profile, shade towards the limb or a highlight, widens some edges but sharpens none. Hence a
 //! direction is as soft as the sharper of its two sides, and one sharp side is enough to show that the lens is sharp.
 
-use super::Found;
-use super::edge::{Part, level};
+use super::edge::{Crop, level};
+use crate::silhouette::Segmentation;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -46,23 +46,23 @@ const LEAST_CONTRAST: f64 = 0.25;
 const ROUNDS: usize = 8;
 /// A normal distribution's quartiles are this many standard deviations apart.
 const QUARTILES: f64 = 1.349;
-/// Directions of the normal that are told apart, over a whole turn.
+/// Directions of the normal that are distinguished, over a whole turn.
 const DIRECTIONS: usize = 16;
 /// Half a turn in directions.
 const OPPOSITE: usize = DIRECTIONS / 2;
 /// Directions away from a motion that count as across it, within half a turn.
 const ACROSS: std::ops::RangeInclusive<usize> = 3..=5;
-/// Fewer profiles than this say nothing of a direction.
+/// A direction with fewer profiles than this is left out.
 const LEAST_PROFILES: usize = 10;
-/// The share of profiles that are less wide than what is said of a side: where it is soft and its opposite is seen as
+/// The share of profiles that are less wide than the width stated for a side: where it is soft and its opposite is seen as
 /// well, where it is not (a motion widens all profiles, shade some), and where it is sharp.
 const SOFT: f64 = 0.5;
 const SOFT_ALONE: f64 = 0.25;
 const SHARP: f64 = 0.35;
 
-/// How soft the outline is along a direction and across it.
+/// Edge blur along the direction of motion and across it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Smear {
+pub(super) struct MotionBlur {
     /// Blur along the direction, pixels (standard deviation).
     pub softest_px: f64,
     /// Blur across it, pixels.
@@ -73,9 +73,9 @@ pub(super) struct Smear {
 
 /// The direction along which the outline is softer by most than across it; `None` where the outline shows no two such
 /// directions.
-pub(super) fn measure(part: &Part, found: &Found) -> Option<Smear> {
+pub(super) fn measure(crop: &Crop, found: &Segmentation) -> Option<MotionBlur> {
     let diameter_px = (4.0 * found.report.area_px / PI).sqrt();
-    let lines = Lines::new(part, found, (diameter_px / FINEST).max(1.0));
+    let lines = Lines::new(crop, found, (diameter_px / FINEST).max(1.0));
     let points = lines.points();
     let least = LEAST_CONTRAST * found.report.contrast;
     let each = points.len().div_ceil(MOST_PROFILES).max(1);
@@ -95,7 +95,7 @@ pub(super) fn measure(part: &Part, found: &Found) -> Option<Smear> {
 }
 
 /// Compares the widths of the edges that face each direction.
-fn compared(sides: &[Vec<f64>]) -> Option<Smear> {
+fn compared(sides: &[Vec<f64>]) -> Option<MotionBlur> {
     // With its neighbours to either side, so that few directions of an angular grain are left without an edge.
     let wide = |k: usize| [k + DIRECTIONS - 1, k, k + 1].map(|k| sides[k % DIRECTIONS].as_slice()).concat();
     let soft = |k: usize| {
@@ -110,12 +110,12 @@ fn compared(sides: &[Vec<f64>]) -> Option<Smear> {
         let both = [k, k + OPPOSITE].map(|k| quantile(sides[k % DIRECTIONS].clone(), SHARP));
         both.into_iter().flatten().min_by(f64::total_cmp)
     };
-    let told = (0..OPPOSITE).filter_map(|k| {
+    let differences = (0..OPPOSITE).filter_map(|k| {
         let softest = soft(k)?;
         let across = ACROSS.filter_map(|away| sharp(k + away)).min_by(f64::total_cmp)?;
         Some([softest, across.min(softest)])
     });
-    let [softest_px, sharpest_px] = told.max_by(|a, b| (a[0] - a[1]).total_cmp(&(b[0] - b[1])))?;
+    let [softest_px, sharpest_px] = differences.max_by(|a, b| (a[0] - a[1]).total_cmp(&(b[0] - b[1])))?;
     // The variance goes with the cosine of twice the angle to the motion.
     let (mut c, mut s) = (0.0, 0.0);
     for k in 0..OPPOSITE {
@@ -125,7 +125,7 @@ fn compared(sides: &[Vec<f64>]) -> Option<Smear> {
         s += variance * sin;
     }
     let softest_deg = (0.5 * s.atan2(c)).to_degrees().rem_euclid(180.0);
-    Some(Smear { softest_px, sharpest_px, softest_deg })
+    Some(MotionBlur { softest_px, sharpest_px, softest_deg })
 }
 
 /// The value that a share of the values lies below; `None` of too few.
@@ -139,8 +139,8 @@ fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
 
 /// A picture's levels along the outline's normals.
 struct Lines<'a> {
-    part: &'a Part,
-    found: &'a Found,
+    crop: &'a Crop,
+    found: &'a Segmentation,
     weights: [f64; 3],
     /// Pixels in a step.
     step: f64,
@@ -150,13 +150,13 @@ struct Lines<'a> {
 }
 
 impl<'a> Lines<'a> {
-    fn new(part: &'a Part, found: &'a Found, step: f64) -> Self {
-        let rect = part.rect();
+    fn new(crop: &'a Crop, found: &'a Segmentation, step: f64) -> Self {
+        let rect = crop.rect();
         let [x0, y0, x1, y1] = found.report.frame;
         let above = found.report.pedestal.map_or(f64::INFINITY, |p| p.top_row - ABOVE_PEDESTAL);
         let last = |a: usize, b: usize| a.min(b) as f64 - 1.0;
         Self {
-            part,
+            crop,
             found,
             weights: found.weights(),
             step,
@@ -195,13 +195,13 @@ impl<'a> Lines<'a> {
     /// Mean levels along the normal, from inside to outside; not a number where the picture or the grain ends.
     fn profile(&self, [i, j]: [usize; 2], normal: [f64; 2]) -> [f64; 2 * REACH + 1] {
         let origin = self.found.silhouette.origin;
-        let place = [(origin[0] + i) as f64, (origin[1] + j) as f64];
+        let position = [(origin[0] + i) as f64, (origin[1] + j) as f64];
         std::array::from_fn(|k| {
             let out = self.step * (k as f64 - REACH as f64);
             let (mut sum, mut n) = (0.0, 0.0);
             for aside in BESIDE.map(|aside| self.step * aside) {
-                let x = place[0] + out * normal[0] - aside * normal[1];
-                let y = place[1] + out * normal[1] + aside * normal[0];
+                let x = position[0] + out * normal[0] - aside * normal[1];
+                let y = position[1] + out * normal[1] + aside * normal[0];
                 if let Some(level) = self.level([x, y]) {
                     sum += level;
                     n += 1.0;
@@ -211,18 +211,18 @@ impl<'a> Lines<'a> {
         })
     }
 
-    /// The level at a place between pixels.
-    fn level(&self, place: [f64; 2]) -> Option<f64> {
-        if !(0..2).all(|k| place[k] >= self.least[k] && place[k] <= self.greatest[k]) {
+    /// The level at a position between pixels, bilinear.
+    fn level(&self, position: [f64; 2]) -> Option<f64> {
+        if !(0..2).all(|k| position[k] >= self.least[k] && position[k] <= self.greatest[k]) {
             return None;
         }
-        let rect = self.part.rect();
+        let rect = self.crop.rect();
         // The last pixel has none beyond it: it is read from the one before.
-        let [x, y] = [place[0].min(rect.x1 as f64 - 1.001), place[1].min(rect.y1 as f64 - 1.001)];
+        let [x, y] = [position[0].min(rect.x1 as f64 - 1.001), position[1].min(rect.y1 as f64 - 1.001)];
         let (column, row) = (x as usize, y as usize);
-        let c = self.part.channels();
+        let c = self.crop.channels();
         let along = |row: usize| {
-            let two = self.part.row(row, &(column..column + 2));
+            let two = self.crop.row(row, &(column..column + 2));
             let t = x - column as f64;
             (1.0 - t) * level(&two[..c], &self.weights) + t * level(&two[c..], &self.weights)
         };
@@ -260,13 +260,13 @@ fn width(profile: &[f64], least: f64) -> Option<f64> {
     blur
 }
 
-/// Steps between the places where three and one quarters of the way from background to grain are made; as far as the
+/// Steps between the positions where three and one quarters of the way from background to grain are made; as far as the
 /// profile reaches where it does not get there.
 fn between_quartiles(share: &[f64]) -> f64 {
     // From the middle outwards on either side: noise further away is none of the edge's.
-    let crossing = |places: &mut dyn Iterator<Item = usize>, level: f64, rising: bool| {
+    let crossing = |steps: &mut dyn Iterator<Item = usize>, level: f64, rising: bool| {
         let mut last: Option<usize> = None;
-        for k in places {
+        for k in steps {
             let here = share[k];
             if if rising { here >= level } else { here <= level } {
                 let before = last.filter(|&b| !share[b].is_nan() && (here - share[b]).abs() > 1e-9);
@@ -310,22 +310,22 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_is_told_from_a_lens_and_from_shade_on_one_side() {
+    fn a_motion_is_distinguished_from_a_lens_and_from_shade_on_one_side() {
         let sides = |width: &dyn Fn(usize) -> f64| -> Vec<Vec<f64>> {
             (0..DIRECTIONS).map(|k| vec![width(k); LEAST_PROFILES]).collect()
         };
-        let told = |width: &dyn Fn(usize) -> f64| {
+        let differences = |width: &dyn Fn(usize) -> f64| {
             let s = compared(&sides(width)).unwrap();
             (s.softest_px - s.sharpest_px, s.softest_deg)
         };
-        assert!(told(&|_| 7.0).0.abs() < 1e-12);
-        assert!(told(&|k| if k < 6 { 7.0 } else { 1.0 }).0.abs() < 1e-12);
+        assert!(differences(&|_| 7.0).0.abs() < 1e-12);
+        assert!(differences(&|k| if k < 6 { 7.0 } else { 1.0 }).0.abs() < 1e-12);
         for along in 0..OPPOSITE {
             let moved = |k: usize| {
                 let turn = 2.0 * PI * (k as f64 - along as f64) / DIRECTIONS as f64;
                 1.0 + 6.0 * turn.cos().abs()
             };
-            let (difference, deg) = told(&moved);
+            let (difference, deg) = differences(&moved);
             let off = (deg - 22.5 * along as f64 + 90.0).rem_euclid(180.0) - 90.0;
             assert!(difference > 5.0 && off.abs() < 5.0, "{along}: {difference} at {deg}°");
         }

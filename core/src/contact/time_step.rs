@@ -1,17 +1,13 @@
-//! The largest time step that central differences bear: 2/ω of the highest mode.
+//! The critical time step of central differences: 2/ω of the mesh's highest mode.
 //!
 //! Of one element by itself the highest mode is known in closed form but for an eigenvalue; the mesh's highest mode is lower
 //! (its nodes are heavier and its elements hold one another), and is found by Lanczos' iteration on the body as it is deformed.
 
-use super::body::{shape_gradients, tet_volume};
+use super::Body;
 use super::lanes::Node;
 use super::plastic::{self, Law};
-use super::{Body, Material};
-use nalgebra::{Matrix3, Matrix6};
 use rayon::prelude::*;
 
-/// Squarings of a matrix A: the trace of A²⁵⁶ tells its largest eigenvalue to 6^(1/256), 0.7 %, from above.
-const SQUARINGS: u32 = 8;
 /// Lanczos' iteration ends where this many steps changed the eigenvalue by less than a thousandth.
 const STEADY: usize = 8;
 /// Most steps of Lanczos' iteration.
@@ -19,55 +15,9 @@ const MOST_STEPS: usize = 120;
 /// The displacement, over the mesh's smallest extent, by which the forces' derivative is taken.
 const NUDGE: f64 = 1e-7;
 
-/// The stable step of a four-node tetrahedron by itself with a quarter of its mass at each node, s; at most 0.4 % too small.
-///
-/// The eigenvalues are those of the strain's map σ → C : sym(σ G), G = Σ ∇N ∇Nᵀ over the four nodes, times 4/ρ.
-pub(super) fn element_s(material: &Material, p: &[Node; 4]) -> f64 {
-    let b = shape_gradients(p);
-    let mut g = Matrix3::zeros();
-    let mut first = nalgebra::Vector3::zeros();
-    for k in 0..3 {
-        let row = nalgebra::Vector3::new(b[3 * k], b[3 * k + 1], b[3 * k + 2]);
-        g += row * row.transpose();
-        first -= row;
-    }
-    g += first * first.transpose();
-    let half = std::f64::consts::FRAC_1_SQRT_2;
-    // Mandel's basis of symmetric matrices: orthonormal under the product a : b.
-    let basis: [Matrix3<f64>; 6] = [[0, 0], [1, 1], [2, 2], [1, 2], [0, 2], [0, 1]].map(|[i, j]| {
-        let mut m = Matrix3::zeros();
-        if i == j {
-            m[(i, i)] = 1.0;
-        } else {
-            m[(i, j)] = half;
-            m[(j, i)] = half;
-        }
-        m
-    });
-    let mut a = Matrix6::zeros();
-    for (column, sigma) in basis.iter().enumerate() {
-        let strain = 0.5 * (sigma * g + g * sigma);
-        let stress = 2.0 * material.shear_mpa() * strain
-            + Matrix3::identity() * (material.lambda_mpa() * strain.trace());
-        for (row, e) in basis.iter().enumerate() {
-            a[(row, column)] = e.dot(&stress);
-        }
-    }
-    let mut log = 0.0;
-    for n in 0..SQUARINGS {
-        let size = a.amax();
-        a /= size;
-        log += size.ln() / f64::from(1u32 << n);
-        a *= a;
-    }
-    let largest = (log + a.trace().ln() / f64::from(1u32 << SQUARINGS)).exp();
-    debug_assert!(tet_volume(p) > 0.0);
-    2.0 / (4.0 / material.density_t_mm3 * largest).sqrt()
-}
-
-/// The stable step of the whole body at these places, s: 2/ω of its highest mode, found from below to about a thousandth.
-pub(super) fn body_s(body: &Body, places: &[Node]) -> f64 {
-    let mut stiffness = Stiffness::new(body, places);
+/// The critical time step of the whole body at these positions, s: 2/ω of its highest mode, found from below to about a thousandth.
+pub(super) fn critical_time_step_s(body: &Body, positions: &[Node]) -> f64 {
+    let mut stiffness = Stiffness::new(body, positions);
     let length = body.volume.iter().copied().fold(f64::INFINITY, f64::min).cbrt();
     let root: Vec<f64> = body.mass.iter().map(|m| m.sqrt()).collect();
     let mut moved = vec![[0.0; 3]; body.nodes()];
@@ -114,37 +64,40 @@ pub(super) fn body_s(body: &Body, places: &[Node]) -> f64 {
 /// How the body answers small displacements from where it is.
 struct Stiffness<'a> {
     body: &'a Body,
-    places: &'a [Node],
+    positions: &'a [Node],
     law: Option<Law>,
     slots: Vec<Node>,
-    at_rest: Vec<Node>,
+    undisturbed: Vec<Node>,
     moved: Vec<Node>,
     out: Vec<Node>,
 }
 
 impl<'a> Stiffness<'a> {
-    fn new(body: &'a Body, places: &'a [Node]) -> Self {
+    fn new(body: &'a Body, positions: &'a [Node]) -> Self {
         let mut slots = body.all_slots([0.0; 3]);
-        let mut at_rest = vec![[0.0; 3]; body.nodes()];
+        let mut undisturbed = vec![[0.0; 3]; body.nodes()];
         let law = Law::of(&body.material);
         if law.is_none() {
-            body.elastic_forces(places, &mut slots, &mut at_rest);
+            body.elastic_forces(positions, &mut slots, &mut undisturbed);
         }
-        let (moved, out) = (at_rest.clone(), at_rest.clone());
-        Self { body, places, law, slots, at_rest, moved, out }
+        let (moved, out) = (undisturbed.clone(), undisturbed.clone());
+        Self { body, positions, law, slots, undisturbed, moved, out }
     }
 
     /// The forces that small displacements add.
     fn times(&mut self, displacements: &[Node]) -> &[Node] {
-        let (body, places) = (self.body, self.places);
+        let (body, positions) = (self.body, self.positions);
         if let Some(law) = self.law {
             (body.chunks.par_iter()).zip(self.slots.par_chunks_mut(body.stride)).for_each_init(
                 || (Vec::new(), Vec::new()),
                 |(local, moved), (chunk, slots)| {
-                    chunk.fetch(places, local);
+                    chunk.fetch(positions, local);
                     chunk.fetch(displacements, moved);
                     slots[..chunk.nodes.len()].fill([0.0; 3]);
-                    chunk.batches.iter().for_each(|b| plastic::answer(&law, b, local, moved, slots));
+                    chunk
+                        .batches
+                        .iter()
+                        .for_each(|b| plastic::elastic_response(&law, b, local, moved, slots));
                 },
             );
             let slots = &self.slots;
@@ -153,13 +106,13 @@ impl<'a> Stiffness<'a> {
         }
         for n in 0..self.moved.len() {
             for k in 0..3 {
-                self.moved[n][k] = places[n][k] + displacements[n][k];
+                self.moved[n][k] = positions[n][k] + displacements[n][k];
             }
         }
         body.elastic_forces(&self.moved, &mut self.slots, &mut self.out);
         for n in 0..self.out.len() {
             for k in 0..3 {
-                self.out[n][k] -= self.at_rest[n][k];
+                self.out[n][k] -= self.undisturbed[n][k];
             }
         }
         &self.out

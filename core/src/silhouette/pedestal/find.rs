@@ -1,8 +1,9 @@
-//! The pedestal under the grain: upright, straight sides from the lower border up to a level top.
+//! The pedestal in one view: straight upright sides from the picture's lower end up to a level top.
 
-use super::backdrop::median;
-use super::mask::Mask;
-use super::plane::{PER_LEVEL, Plane};
+use super::Pedestal;
+use crate::silhouette::backdrop::median;
+use crate::silhouette::mask::Mask;
+use crate::silhouette::plane::Plane;
 
 /// A side may lie this far off its line, pixels.
 const SIDE_TOLERANCE: f64 = 2.0;
@@ -24,7 +25,7 @@ const LEAST_STEP: f64 = 0.12;
 /// Least share of the columns that must show it, within this many pixels of one line.
 const LEAST_SEEN: f64 = 0.3;
 const LINE_TOLERANCE: f64 = 1.0;
-/// Sides at least this many times as long as the pedestal is wide tell its lean better than its top does.
+/// Sides at least this many times as long as the pedestal is wide determine its lean better than its top does.
 const LONG_SIDES: f64 = 1.0;
 /// Sides at least this many times as long are a pedestal's even where its top does not show.
 const SURE_SIDES: f64 = 0.5;
@@ -32,59 +33,9 @@ const SURE_SIDES: f64 = 0.5;
 const CORNER: f64 = 4.0;
 /// Rounds of fitting the top's line.
 const ROUNDS: usize = 6;
-/// The cut is this much wider than the pedestal on each side, pixels, so that no blurred sliver stays.
-const CUT_MARGIN: f64 = 5.0;
-
-/// A pedestal, in the plane's own pixels.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Pedestal {
-    /// Row of the top at column 0, and rows per column.
-    pub top: [f64; 2],
-    /// Columns of the left and right side at row 0, and columns per row.
-    pub left: [f64; 2],
-    pub right: [f64; 2],
-    /// Whether the top itself was seen; else it is taken where the sides end.
-    pub top_seen: bool,
-    /// Its grey level, away from the background.
-    pub level: f64,
-    /// Standard deviation of the blur of its sides, pixels.
-    pub blur: f64,
-}
-
-impl Pedestal {
-    /// Row of the top at a column.
-    pub(super) fn top_at(&self, x: f64) -> f64 {
-        self.top[0] + self.top[1] * x
-    }
-
-    /// A row of a plane of this width above which everything is further than so many pixels above the top.
-    pub(super) fn clear_above(&self, width: usize, pixels: f64) -> f64 {
-        // A row more than needed, against rounding.
-        self.top_at(0.0).min(self.top_at(width as f64)) - pixels * self.top[1].hypot(1.0) - 1.0
-    }
-
-    /// Columns of both sides at a row.
-    pub(super) fn sides_at(&self, y: f64) -> [f64; 2] {
-        [self.left[0] + self.left[1] * y, self.right[0] + self.right[1] * y]
-    }
-
-    /// Centre column and half width at the top.
-    pub(super) fn centre(&self) -> (f64, f64) {
-        let middle = 0.5 * (self.left[0] + self.right[0]);
-        let [l, r] = self.sides_at(self.top_at(middle));
-        (0.5 * (l + r), 0.5 * (r - l))
-    }
-
-    /// How far (pixels) a pixel lies below the top, where the cut reaches: `None` beside it.
-    pub(super) fn below_top(&self, x: f64, y: f64) -> Option<f64> {
-        let [l, r] = self.sides_at(y);
-        (x >= l - CUT_MARGIN && x <= r + CUT_MARGIN)
-            .then(|| (y - self.top_at(x)) / (1.0 + self.top[1] * self.top[1]).sqrt())
-    }
-}
 
 /// Looks for a pedestal in the mask of all that is not background; `noise` in grey levels.
-pub(super) fn find(mask: &Mask, plane: &Plane, noise: f64) -> Option<Pedestal> {
+pub(in crate::silhouette) fn find(mask: &Mask, plane: &Plane, noise: f64) -> Option<Pedestal> {
     let rows = sides_upwards(mask)?;
     let (left, right, top) = straight_sides(&rows, mask.height)?;
     let rough = Pedestal { top: [top, 0.0], left, right, top_seen: false, level: 0.0, blur: 0.0 };
@@ -305,53 +256,6 @@ fn blur(plane: &Plane, pedestal: &Pedestal) -> f64 {
         }
     }
     if widths.is_empty() { 0.0 } else { widths.iter().sum::<f64>() / widths.len() as f64 / 1.349 }
-}
-
-/// Takes the pedestal's blurred light off what is above its top, so that a narrow gap between it and the grain
-/// stays a gap: there a pixel is a mixture of the pedestal and of what it would be without it.
-pub(super) fn unmix(plane: &mut Plane, pedestal: &Pedestal) {
-    let sd = pedestal.blur.max(0.3);
-    for y in 0..plane.height {
-        let [l, r] = pedestal.sides_at(y as f64);
-        for x in (l - 3.0 * sd).max(0.0) as usize..((r + 3.0 * sd).max(0.0) as usize).min(plane.width) {
-            let above = pedestal.top_at(x as f64) - y as f64;
-            if above <= 0.0 || above > 4.0 * sd {
-                continue;
-            }
-            let between = normal((x as f64 - l) / sd) * normal((r - x as f64) / sd);
-            let share = (1.0 - normal(above / sd)) * between;
-            let value = &mut plane.values[y * plane.width + x];
-            let mixed = f64::from(*value);
-            *value = ((mixed - share * pedestal.level * f64::from(PER_LEVEL)) / (1.0 - share)) as i16;
-        }
-    }
-}
-
-/// The plane's smoothed values; in the last row above the top, those of the row alone: the pedestal stays out of it.
-pub(super) fn smoothed(plane: &Plane, pedestal: &Pedestal) -> Vec<i16> {
-    let mut smooth = plane.smoothed();
-    let w = plane.width;
-    for (x, y) in (0..w).filter_map(|x| {
-        let last = (pedestal.top_at(x as f64) - 1e-9).floor();
-        (last >= 0.0 && last < plane.height as f64).then_some((x, last as usize))
-    }) {
-        if pedestal.below_top(x as f64, y as f64).is_some() {
-            let at = |x: usize| i32::from(plane.values[y * w + x]);
-            smooth[y * w + x] =
-                ((at(x.saturating_sub(1)) + 2 * at(x) + at((x + 1).min(w - 1)) + 2) >> 2) as i16;
-        }
-    }
-    smooth
-}
-
-/// The normal distribution function, to 8·10⁻⁸ (Abramowitz and Stegun 1964, 26.2.17).
-fn normal(x: f64) -> f64 {
-    let t = 1.0 / (1.0 + 0.231_641_9 * x.abs());
-    let tail = (-0.5 * x * x).exp() / std::f64::consts::TAU.sqrt()
-        * t
-        * (0.319_381_53
-            + t * (-0.356_563_782 + t * (1.781_477_937 + t * (-1.821_255_978 + t * 1.330_274_429))));
-    if x < 0.0 { tail } else { 1.0 - tail }
 }
 
 /// Least squares through `(x, y)`: value at 0 and slope.

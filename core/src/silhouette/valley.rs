@@ -1,8 +1,8 @@
-//! The quiet threshold: where the outline hardly moves when the threshold does.
+//! The valley threshold of a histogram (mode method): where the outline hardly moves when the threshold does.
 //!
 //! Otsu's threshold halves the way between two means. On a grain that lies half in shadow it cuts the shadow
 //! off, and on one of several colours it cuts the paler ones off, because both lie nearer to the background
-//! than half-way. What tells them from the background is the valley between: thresholds that few pixels lie
+//! than half-way. What separates them from the background is the valley between: thresholds that few pixels lie
 //! near (Prewitt & Mendelsohn 1966, the mode method), taken here on a scale of shares, because a shadow
 //! scales the grain's grey values and the blur of its edge alike.
 
@@ -13,9 +13,9 @@ const REACH: f64 = 1.4;
 /// Share of the grain's pixels that any threshold is taken to have near it: below that, emptiness is chance.
 const CHANCE: f64 = 1e-3;
 
-/// A threshold that few pixels lie near.
+/// A threshold in the valley between the modes: few pixels lie near it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Quiet {
+pub(super) struct Valley {
     /// The threshold, in the histogram's unit.
     pub threshold: f64,
     /// Pixels near it, as a share of those above it.
@@ -23,10 +23,10 @@ pub(super) struct Quiet {
 }
 
 impl Histogram {
-    /// The quietest threshold in `low..=high` (both positive): the count near it, over the square root of
+    /// The deepest valley in `low..=high` (both positive): the count near it, over the square root of
     /// itself. A fixed count per share of the threshold would favour low thresholds, a count per grey level
     /// high ones; the root is the mean of both. `None` where no end of a bin lies in the range.
-    pub(super) fn quiet(&self, low: f64, high: f64) -> Option<Quiet> {
+    pub(super) fn valley(&self, low: f64, high: f64) -> Option<Valley> {
         // Entry k: pixels in the bins before k.
         let mut below = vec![0.0];
         below.extend(self.counts.iter().scan(0.0, |sum, &count| {
@@ -53,7 +53,7 @@ impl Histogram {
                 best = Some((cost, t));
             }
         }
-        best.map(|(_, threshold)| Quiet {
+        best.map(|(_, threshold)| Valley {
             threshold,
             unsure: (near(threshold) / (total - count(threshold)).max(1.0)).min(1.0),
         })
@@ -80,7 +80,7 @@ mod tests {
         let h = humps(&[(2.0, 1.5, 60e3), (60.0, 10.0, 8e3), (190.0, 15.0, 40e3)]);
         let otsu = h.otsu2().unwrap().threshold;
         assert!(otsu > 80.0, "{otsu}");
-        let quiet = h.quiet(9.0, otsu).unwrap();
+        let quiet = h.valley(9.0, otsu).unwrap();
         assert!((9.0..32.0).contains(&quiet.threshold), "{quiet:?}");
         assert!(quiet.unsure < 0.02, "{quiet:?}");
     }
@@ -88,8 +88,8 @@ mod tests {
     #[test]
     fn where_nothing_lies_between_it_is_as_high_as_may_be() {
         let h = humps(&[(0.0, 0.5, 50e3), (120.0, 0.5, 50e3)]);
-        assert!((h.quiet(4.0, 60.0).unwrap().threshold - 60.0).abs() < 1e-9);
-        assert!(h.quiet(60.2, 60.8).is_none());
-        assert!(Histogram::from_counts(0.0, 1.0, vec![0; 4]).quiet(1.0, 3.0).is_some());
+        assert!((h.valley(4.0, 60.0).unwrap().threshold - 60.0).abs() < 1e-9);
+        assert!(h.valley(60.2, 60.8).is_none());
+        assert!(Histogram::from_counts(0.0, 1.0, vec![0; 4]).valley(1.0, 3.0).is_some());
     }
 }

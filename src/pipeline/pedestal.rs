@@ -1,9 +1,9 @@
 //! All views are cut at the pedestal that they show together.
 
-use super::{Cameras, PipelineError, Taken};
+use super::{Cameras, PipelineError, SegmentedView};
 use crate::session::event::Role;
 use grainrig_core::geometry::Point;
-use grainrig_core::silhouette::{PedestalSeen, Side, Stand, joint_stand};
+use grainrig_core::silhouette::{PedestalConsensus, PedestalOutline, Side, pedestal_consensus};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -26,13 +26,17 @@ pub struct ContactPatch {
 }
 
 /// How high above the pedestal's top the outline is mixed with its light, pixels.
-pub(super) fn mixed_px(stand: &Stand) -> f64 {
-    (MIXED * stand.blur_px.value).max(LEAST_MIXED_PX)
+pub(super) fn mixed_px(consensus: &PedestalConsensus) -> f64 {
+    (MIXED * consensus.blur_px.value).max(LEAST_MIXED_PX)
 }
 
 /// The contact patch of a hull's surface, whose triangles are counter-clockwise seen from outside, in mm.
-pub(super) fn contact_patch(stand: &Stand, mm_per_px: f64, surface: &[[Point; 3]]) -> ContactPatch {
-    let height_mm = mixed_px(stand) * mm_per_px;
+pub(super) fn contact_patch(
+    consensus: &PedestalConsensus,
+    mm_per_px: f64,
+    surface: &[[Point; 3]],
+) -> ContactPatch {
+    let height_mm = mixed_px(consensus) * mm_per_px;
     let (mut area_mm2, mut low, mut all) = (0.0, 0.0, 0.0);
     for [a, b, c] in surface {
         let upwards = 0.5 * (b - a).cross(&(c - a)).z;
@@ -52,17 +56,17 @@ pub(super) fn contact_patch(stand: &Stand, mm_per_px: f64, surface: &[[Point; 3]
 /// [`PipelineError::CutByBorder`] where a grain still reaches the picture's lower border.
 pub(super) fn recut(
     cameras: &Cameras,
-    taken: &mut [Taken],
-) -> Result<(Option<Stand>, Vec<String>), PipelineError> {
+    segmented: &mut [SegmentedView],
+) -> Result<(Option<PedestalConsensus>, Vec<String>), PipelineError> {
     if !matches!(cameras, Cameras::Turntable(_)) {
         return Ok((None, Vec::new()));
     }
-    let seen: Vec<Option<PedestalSeen>> = taken.iter().map(|t| t.found.report.pedestal).collect();
-    let stand = joint_stand(&seen);
+    let seen: Vec<Option<PedestalOutline>> = segmented.iter().map(|t| t.found.report.pedestal).collect();
+    let consensus = pedestal_consensus(&seen);
     let mut warnings = Vec::new();
-    if let Some(stand) = &stand {
-        for one in taken.iter_mut() {
-            let joint = stand.seen_by(one.found.report.pedestal);
+    if let Some(consensus) = &consensus {
+        for one in segmented.iter_mut() {
+            let joint = consensus.seen_by(one.found.report.pedestal);
             if one.found.recut(joint) {
                 one.silhouette = Arc::new(one.found.silhouette.clone());
                 if let Some(traits) = &mut one.traits {
@@ -71,33 +75,33 @@ pub(super) fn recut(
             }
         }
         for (places, what) in [
-            (&stand.disagree, "shows another pedestal than"),
-            (&stand.unseen, "does not show the pedestal as"),
+            (&consensus.disagree, "shows another pedestal than"),
+            (&consensus.unseen, "does not show the pedestal as"),
         ] {
             warnings.extend(places.iter().map(|&k| {
                 format!(
                     "view {} {what} the other views do: it is cut at their pedestal's top (row {:.1})",
-                    taken[k].index, stand.top_row_px.value
+                    segmented[k].index, consensus.top_row_px.value
                 )
             }));
         }
     }
-    let cut = taken.iter().find(|t| t.role == Role::Grain && t.found.report.touches_border[3]);
+    let cut = segmented.iter().find(|t| t.role == Role::Grain && t.found.report.touches_border[3]);
     match cut {
         Some(t) => Err(PipelineError::CutByBorder { view: t.index, side: Side::Bottom.name() }),
-        None => Ok((stand, warnings)),
+        None => Ok((consensus, warnings)),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use grainrig_core::silhouette::Joint;
+    use grainrig_core::silhouette::ConsensusValue;
 
     #[test]
     fn a_box_has_its_foot_in_its_contact_patch() {
-        let figure = |value| Joint { value, sd: 0.0 };
-        let stand = Stand {
+        let figure = |value| ConsensusValue { value, sd: 0.0 };
+        let consensus = PedestalConsensus {
             top_row_px: figure(100.0),
             top_slope: figure(0.0),
             centre_column_px: figure(50.0),
@@ -114,7 +118,7 @@ mod tests {
             |z: f64| [corner(0.0, 0.0, z), corner(2.0, 0.0, z), corner(2.0, 3.0, z), corner(0.0, 3.0, z)];
         let ([a, b, c, d], [e, f, g, h]) = (face(0.0), face(4.0));
         let surface = [[a, c, b], [a, d, c], [e, f, g], [e, g, h]];
-        let patch = contact_patch(&stand, 0.16, &surface);
+        let patch = contact_patch(&consensus, 0.16, &surface);
         assert!((patch.height_mm - 0.4).abs() < 1e-12 && (patch.area_mm2 - 6.0).abs() < 1e-12, "{patch:?}");
         assert!((patch.volume_share - 0.1).abs() < 1e-12, "{patch:?}");
     }

@@ -1,8 +1,8 @@
-//! How soft the outline is: the edge's profile, averaged along the outline, and the distance between the profile's
-//! quartiles. Whether it is softer in one direction than in another is a matter of [`super::smear`].
+//! Edge blur: the edge's profile, averaged along the outline, and the distance between the profile's
+//! quartiles. Whether it is softer in one direction than in another is a matter of [`super::motion_blur`].
 
-use super::frame::Rect;
-use super::{Found, Polarity, Silhouette, Source};
+use crate::silhouette::rect::Rect;
+use crate::silhouette::{Polarity, Segmentation, Silhouette, Source};
 use std::ops::Range;
 
 /// Pixels on either side of the outline that are looked at: two and a half standard deviations of the softest
@@ -29,7 +29,7 @@ const PEDESTAL_PX: f64 = 8.0;
 /// A colour at this level or above is full: what is brighter reads the same, give or take the ripple of a JPEG.
 const FULL: u8 = 252;
 
-impl Found {
+impl Segmentation {
     /// What red, green and blue count for in the channel.
     pub(super) fn weights(&self) -> [f64; 3] {
         self.report.channel.weights().map(|w| f64::from(w) / 16.0)
@@ -43,14 +43,14 @@ impl Found {
 }
 
 /// The pixels around a silhouette, as far as its edge reaches.
-pub(super) struct Part {
+pub(super) struct Crop {
     rect: Rect,
     channels: usize,
     pixels: Vec<u8>,
 }
 
-impl Part {
-    pub(super) fn of(picture: &dyn Source, found: &Found) -> Self {
+impl Crop {
+    pub(super) fn of(picture: &dyn Source, found: &Segmentation) -> Self {
         let [width, height, channels] = picture.shape();
         let Silhouette { origin: [x, y], size: [w, h], .. } = &found.silhouette;
         let (x1, y1) = (x + w, y + h);
@@ -78,7 +78,7 @@ impl Part {
     }
 }
 
-/// What the pixels along the outline say.
+/// What is measured on the pixels along the outline.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Edge {
     /// Standard deviation of the edge's blur over all directions, pixels.
@@ -139,7 +139,7 @@ impl Profile {
         blur
     }
 
-    /// Distance between the places where three and one quarters of the way from background to grain are made.
+    /// Distance between the positions where three and one quarters of the way from background to grain are made.
     fn between_quartiles(&self, inside: f64, outside: f64) -> Option<f64> {
         let share = |bin: usize| {
             (self.counts[bin] > 0.0)
@@ -148,7 +148,7 @@ impl Profile {
         if (inside - outside).abs() < 1.0 {
             return None;
         }
-        let place = |bin: f64| (bin + 0.5) / PER_PX as f64 - REACH as f64;
+        let position = |bin: f64| (bin + 0.5) / PER_PX as f64 - REACH as f64;
         // From the middle outwards on either side: noise further away is none of the edge's.
         let walk = |bins: &mut dyn Iterator<Item = usize>, level: f64, rising: bool| {
             let mut last: Option<(usize, f64)> = None;
@@ -158,9 +158,9 @@ impl Profile {
                     return Some(match last {
                         Some((before, was)) if (here - was).abs() > 1e-9 => {
                             let t = ((level - was) / (here - was)).clamp(0.0, 1.0);
-                            place(before as f64 + t * (bin as f64 - before as f64))
+                            position(before as f64 + t * (bin as f64 - before as f64))
                         }
-                        _ => place(bin as f64),
+                        _ => position(bin as f64),
                     });
                 }
                 last = Some((bin, here));
@@ -181,8 +181,8 @@ impl Profile {
 }
 
 /// Reads the pixels along the outline.
-pub(super) fn measure(part: &Part, found: &Found) -> Edge {
-    let (profile, sides) = read(part, found);
+pub(super) fn measure(crop: &Crop, found: &Segmentation) -> Edge {
+    let (profile, sides) = read(crop, found);
     Edge {
         blur_px: profile.blur_px().unwrap_or(0.0),
         full_share: sides.full_share(),
@@ -217,7 +217,7 @@ impl Sides {
     }
 }
 
-fn read(part: &Part, found: &Found) -> (Profile, Sides) {
+fn read(crop: &Crop, found: &Segmentation) -> (Profile, Sides) {
     let (s, report) = (&found.silhouette, &found.report);
     let bright_grain = report.polarity == Polarity::DarkBackground;
     let weights = found.weights();
@@ -231,10 +231,10 @@ fn read(part: &Part, found: &Found) -> (Profile, Sides) {
     let columns = reach(s.origin[0], s.size[0], x0, x1);
     let mut profile = Profile::empty();
     let mut sides = Sides::default();
-    let channels = part.channels;
+    let channels = crop.channels;
     let level = |pixel: &[u8]| level(pixel, &weights);
     for y in rows {
-        let line = part.row(y, &columns);
+        let line = crop.row(y, &columns);
         for (k, x) in columns.clone().enumerate() {
             let Some(d) = near(found, x, y) else { continue };
             let bin = ((d + REACH as f64) * PER_PX as f64) as usize;
@@ -282,7 +282,7 @@ fn is_full(pixel: &[u8], weights: &[f64; 3]) -> bool {
 }
 
 /// Signed distance of a pixel to the outline, where it is within reach.
-fn near(found: &Found, x: usize, y: usize) -> Option<f64> {
+fn near(found: &Segmentation, x: usize, y: usize) -> Option<f64> {
     let s = &found.silhouette;
     let [w, h] = s.size;
     let i = x.clamp(s.origin[0], s.origin[0] + w - 1) - s.origin[0];
