@@ -58,6 +58,46 @@ fn a_resumed_compression_is_the_uninterrupted_one() {
     }
 }
 
+/// A checkpoint whose header was changed, at its length.
+fn with_header(saved: &[u8], change: impl FnOnce(&mut serde_json::Value)) -> Vec<u8> {
+    let start = saved.iter().position(|&b| b == b'{').unwrap();
+    let length = u64::from_le_bytes(saved[start - 8..start].try_into().unwrap()) as usize;
+    let mut header = serde_json::from_slice(&saved[start..start + length]).unwrap();
+    change(&mut header);
+    let header = serde_json::to_vec(&header).unwrap();
+    [&saved[..start - 8], &(header.len() as u64).to_le_bytes(), &header, &saved[start + length..]].concat()
+}
+
+#[test]
+fn a_checkpoint_that_was_tampered_with_is_refused() {
+    let mesh = ball(0.5, 3.0);
+    let make = || new(&mesh, &Material::default(), 1.0, 0.2).unwrap();
+    let saved = run(make(), 17).save();
+    let mut press = make();
+    let before = press.save();
+    assert!(press.restore(&with_header(&saved, |_| ())).is_ok(), "the test's own way of changing it");
+    press = make();
+    let tampered: [(&str, serde_json::Value); 6] = [
+        ("/step_s", 0.0.into()),
+        ("/step_s", (-1e-9).into()),
+        ("/tracker/contacts", serde_json::json!([])),
+        ("/tracker/contacts/0/id", 7.into()),
+        ("/tracker/alive/0/0", 99.into()),
+        ("/tracker/alive/0/1/0", u32::MAX.into()),
+    ];
+    for (place, value) in tampered {
+        let damaged = with_header(&saved, |header| {
+            *header.pointer_mut(place).unwrap_or_else(|| panic!("{place} is not in {header}")) = value;
+        });
+        assert!(matches!(press.restore(&damaged), Err(StateError::Damaged(_))), "{place}");
+    }
+    let mut infinite = saved.clone();
+    let end = infinite.len();
+    infinite[end - 8..].copy_from_slice(&f64::INFINITY.to_le_bytes());
+    assert!(matches!(press.restore(&infinite), Err(StateError::Damaged(_))));
+    assert!(press.save() == before, "nothing is taken from it");
+}
+
 #[test]
 fn a_block_on_an_edge_turns_until_it_lies_and_its_contacts_are_followed() {
     // A bar, leaning by 6°, is pushed down at its high edge and rocks flat: the contact moves, the block turns by 6°.

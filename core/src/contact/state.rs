@@ -102,7 +102,20 @@ impl Press {
         if rest.len() != 8 * expected {
             return Err(damaged("its length is not that of this mesh"));
         }
-        let mut numbers = rest.chunks_exact(8).map(|b| f64::from_le_bytes(b.try_into().unwrap_or_default()));
+        let is_time = |s: f64| s.is_finite() && s > 0.0;
+        if !is_time(header.step_s) || !header.time_s.is_finite() || !header.speed_mm_s.is_finite() {
+            return Err(damaged("its time or its speed is no number above zero"));
+        }
+        let contacts = header.tracker.contacts.len();
+        let knows = |sample: &Sample| sample.touches.iter().all(|t| t.id < contacts);
+        if !header.tracker.fits(d.positions.len()) || !header.samples.iter().all(knows) {
+            return Err(damaged("it names a contact or a node that there is not"));
+        }
+        let as_number = |b: &[u8]| f64::from_le_bytes(b.try_into().unwrap_or_default());
+        if !rest.chunks_exact(8).all(|b| as_number(b).is_finite()) {
+            return Err(damaged("a number is not finite"));
+        }
+        let mut numbers = rest.chunks_exact(8).map(as_number);
         let mut next = || numbers.next().unwrap_or(f64::NAN);
         let mut node = |_| -> Node { [next(), next(), next()] };
         let d = &mut self.dynamics;

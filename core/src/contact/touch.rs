@@ -120,6 +120,15 @@ pub(super) struct Tracker {
 }
 
 impl Tracker {
+    /// Whether each contact is in its place, and what touches is a contact, at nodes of a body with so many.
+    pub(super) fn fits(&self, nodes: usize) -> bool {
+        let is_there = |(id, at): &(usize, Vec<u32>)| {
+            *id < self.contacts.len() && at.iter().all(|n| (*n as usize) < nodes)
+        };
+        self.contacts.iter().enumerate().all(|(i, c)| c.id == i && c.last.id == i)
+            && self.alive.iter().all(is_there)
+    }
+
     /// Looks at the nodes that touch a plate now, with what presses on each (node, plate, N), by rising node. The patches that
     /// are there: nodes with a touching neighbour, or one a node further, are one contact; a patch that shares or neighbours a
     /// node of an earlier contact is that contact.
