@@ -87,7 +87,7 @@ fn a_checkpoint_that_was_tampered_with_is_refused() {
     ];
     for (place, value) in tampered {
         let damaged = with_header(&saved, |header| {
-            *header.pointer_mut(place).unwrap_or_else(|| panic!("{place} is not in {header}")) = value;
+            *header.pointer_mut(place).unwrap_or_else(|| panic!("there is no {place}")) = value;
         });
         assert!(matches!(press.restore(&damaged), Err(StateError::Damaged(_))), "{place}");
     }
