@@ -2,7 +2,9 @@
 
 pub(super) const ALL: &str = "\
 Exit codes: 0 done; 1 it failed, what was captured stays; 2 the command line or the configuration is wrong.
-Logs go to standard error; GRAINRIG_LOG=info (debug, trace) shows more of them.";
+Logs go to standard error; GRAINRIG_LOG=info (debug, trace) shows more of them. GRAINRIG_DATA and GRAINRIG_CONFIG stand for
+--data and --config. With --json an error is an object, too: {\"error\": {\"kind\": …, \"message\": …}}, where kind is usage,
+busy, absent or failed. Linux only.";
 
 pub(super) const SERVE: &str = "\
 Examples:
@@ -138,6 +140,13 @@ Examples:
 
 Reads everything, changes nothing. Each file that is missing, changed or unknown is named with what to
 do; exit code 1 where there is one.";
+
+pub(super) const RM: &str = "\
+Examples:
+  grainrig rm test-1 test-2                   asks first
+  grainrig rm --yes test-1                    for scripts
+
+Not while somebody writes the session, and not while a merged grain of the data folder is made from it.";
 
 pub(super) const FOCUS: &str = "\
 Examples:

@@ -162,22 +162,10 @@ impl Rig for LocalRig {
     }
 
     fn session(&self, id: &str) -> Result<Value, Refusal> {
-        let recording = self.read(id)?;
-        let manifest = recording.manifest();
-        Ok(json!({
-            "name": id,
-            "created": manifest.created,
-            "software": manifest.software,
-            "origin": manifest.origin,
-            "devices": manifest.devices,
-            "state": recording.state().seen(recording.is_busy()),
-            "plan": manifest.plan,
-            "config": manifest.config,
-            "frames": recording.views().collect::<Vec<_>>(),
-            "products": recording.products().collect::<Vec<_>>(),
-            "rejected": recording.rejections(),
-            "result": recording.result(),
-        }))
+        let mut about = self.read(id)?.about();
+        // A folder may have been given another name.
+        about["name"] = json!(id);
+        Ok(about)
     }
 
     fn frame(&self, id: &str, file: &str) -> Result<Download, Refusal> {

@@ -18,6 +18,7 @@ mod output;
 mod progress;
 mod reconstruct;
 mod serve;
+mod sessions;
 mod signals;
 mod study;
 mod verify;
@@ -32,6 +33,14 @@ use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+/// The version, with the drivers of cameras that were built in.
+const VERSION: &str = match (cfg!(feature = "gphoto2"), cfg!(feature = "v4l")) {
+    (true, true) => concat!(env!("CARGO_PKG_VERSION"), " (cameras: gphoto2, v4l2)"),
+    (true, false) => concat!(env!("CARGO_PKG_VERSION"), " (cameras: gphoto2)"),
+    (false, true) => concat!(env!("CARGO_PKG_VERSION"), " (cameras: v4l2)"),
+    (false, false) => concat!(env!("CARGO_PKG_VERSION"), " (built without drivers of cameras)"),
+};
+
 /// Turns a stepper, a camera and a sand grain into a numerical grain.
 ///
 /// Without hardware everything runs on a simulated rig:
@@ -42,7 +51,7 @@ use std::process::ExitCode;
 ///   grainrig calibrate scale balls --ball-diameter-mm 2 --out scale.json
 ///   grainrig serve                      the monitor on <http://127.0.0.1:7272/>
 #[derive(Debug, Parser)]
-#[command(name = "grainrig", version, verbatim_doc_comment)]
+#[command(name = "grainrig", version = VERSION, verbatim_doc_comment)]
 #[command(arg_required_else_help = true, after_help = help::ALL)]
 pub struct Cli {
     #[command(flatten)]
@@ -52,6 +61,8 @@ pub struct Cli {
 }
 
 const COMMON: &str = "Common options";
+/// Names the configuration where the command line does not.
+const CONFIG_ENV: &str = "GRAINRIG_CONFIG";
 /// The data folder, unless told.
 const DATA: &str = "data";
 
@@ -60,10 +71,10 @@ const DATA: &str = "data";
 struct Common {
     /// Configuration (TOML) for a new session; without one, the simulated rig. config/simulated.toml shows
     /// every key with its unit and default.
-    #[arg(long, global = true, value_name = "FILE", help_heading = COMMON)]
+    #[arg(long, global = true, value_name = "FILE", env = CONFIG_ENV, help_heading = COMMON)]
     config: Option<PathBuf>,
     /// Folder that holds the sessions.
-    #[arg(long, global = true, value_name = "DIR", default_value = DATA, help_heading = COMMON)]
+    #[arg(long, global = true, value_name = "DIR", env = "GRAINRIG_DATA", default_value = DATA, help_heading = COMMON)]
     data: PathBuf,
     /// Take figures as they are that look like slips of unit (a pixel of 4.3 mm, a modulus of 100 MPa); the result says so.
     #[arg(long, global = true, help_heading = COMMON)]
@@ -81,9 +92,15 @@ impl Common {
         Ok(config)
     }
 
+    fn store(&self) -> Store {
+        Store::new(&self.data)
+    }
+
     /// A recorded session keeps the configuration that it was made with: who gives another is told.
     fn without_config(&self) {
-        if let Some(path) = &self.config {
+        let of_the_shell = std::env::var_os(CONFIG_ENV).map(PathBuf::from);
+        // Whoever has set it for all commands need not hear of it at each.
+        if let Some(path) = self.config.as_ref().filter(|path| of_the_shell.as_ref() != Some(path)) {
             output::say(format!(
                 "note: --config {} is not used: a session keeps the configuration that it was made with",
                 path.display()
@@ -121,6 +138,13 @@ enum Command {
     /// Press a grain between two rigid plates: force against displacement, by explicit dynamics.
     #[command(after_help = help::COMPRESS)]
     Compress(compress::Arguments),
+    /// List the sessions of the data folder, the newest first.
+    List,
+    /// Show what there is to know of a session: how far it has come, its figures, its files.
+    Show(sessions::ShowArguments),
+    /// Remove sessions, with their pictures and everything computed from them.
+    #[command(after_help = help::RM)]
+    Rm(sessions::RemoveArguments),
     /// Check every file of a session against the hashes in its journal.
     #[command(after_help = help::VERIFY)]
     Verify(verify::Arguments),
@@ -208,6 +232,9 @@ pub fn run() -> ExitCode {
         Command::Mesh(a) => mesh::run(common, &a),
         Command::Merge(a) => merge::run(common, &a),
         Command::Compress(a) => compress::run(common, &a),
+        Command::List => sessions::list(common),
+        Command::Show(a) => sessions::show(common, &a),
+        Command::Rm(a) => sessions::rm(common, &a),
         Command::Verify(a) => verify::run(common, &a),
         Command::Calibrate(a) => calibrate::run(common, a),
         Command::Study(a) => study::run(common, &a),
@@ -219,8 +246,13 @@ pub fn run() -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            output::say(format!("error: {}", told(&error)));
-            ExitCode::from(if is_usage(&error) { 2 } else { 1 })
+            let text = told(&error);
+            output::say(format!("error: {text}"));
+            let kind = kind(&error);
+            if common.json {
+                output::print_error(kind, &text);
+            }
+            ExitCode::from(if kind == ErrorKind::Usage { 2 } else { 1 })
         }
     }
 }
@@ -255,9 +287,14 @@ fn told(error: &anyhow::Error) -> String {
 #[error("{0}")]
 struct Usage(String);
 
-/// Whether the command line or the configuration is at fault, rather than what was found or done.
-fn is_usage(error: &anyhow::Error) -> bool {
-    error.chain().any(|cause| cause.is::<Usage>() || ErrorKind::of(cause) == Some(ErrorKind::Usage))
+/// What is at fault: the command line or the configuration where any cause says so.
+fn kind(error: &anyhow::Error) -> ErrorKind {
+    let of = |cause: &(dyn std::error::Error + 'static)| {
+        if cause.is::<Usage>() { Some(ErrorKind::Usage) } else { ErrorKind::of(cause) }
+    };
+    let known: Vec<ErrorKind> = error.chain().filter_map(of).collect();
+    let usage = known.iter().find(|kind| **kind == ErrorKind::Usage);
+    *usage.or(known.first()).unwrap_or(&ErrorKind::Failed)
 }
 
 /// Marks an error as one of usage.
@@ -268,7 +305,7 @@ fn usage(error: impl std::fmt::Display) -> anyhow::Error {
 /// The folder of a session: a plain name is looked for in the data folder first; anything else is a folder's
 /// path.
 fn session_folder(common: &Common, given: &Path) -> Result<PathBuf> {
-    match Store::new(&common.data).folder(given.to_str().unwrap_or("")) {
+    match common.store().folder(given.to_str().unwrap_or("")) {
         Ok(folder) if folder.exists() || !given.join("manifest.json").is_file() => Ok(folder),
         Err(error) if !given.is_dir() => Err(error.into()),
         // A link that a person names is that person's own; below it none is followed.

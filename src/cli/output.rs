@@ -1,9 +1,11 @@
 //! What a person or a program reads: a reader that has gone away ends no job.
 
+use crate::daemon::ErrorKind as Kind;
 use crate::session::to_json;
 use anyhow::{Context as _, Result};
 use std::fmt::Display;
 use std::io::{ErrorKind, Write as _};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Prints on standard output. A closed pipe (`| head -1`) is no error: what was computed is on the disk.
 pub(super) fn print(text: &str) -> Result<()> {
@@ -14,13 +16,31 @@ pub(super) fn print(text: &str) -> Result<()> {
     }
 }
 
+/// Whether the one object is printed.
+static PRINTED: AtomicBool = AtomicBool::new(false);
+
 /// Prints the one result object on standard output; nothing of it where a number in it is none.
 pub(super) fn print_json(value: &impl serde::Serialize) -> Result<()> {
     let text = to_json(value).context("cannot encode the result")?;
+    PRINTED.store(true, Ordering::Relaxed);
     print(&String::from_utf8_lossy(&text))
 }
 
 /// Says a line on standard error; where nobody can read it the job goes on all the same.
 pub(super) fn say(line: impl Display) {
     let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+/// Prints an error as the one object, where there is none yet: a replay that differs has told its result.
+pub(super) fn print_error(kind: Kind, message: &str) {
+    if !PRINTED.load(Ordering::Relaxed) {
+        let kind = match kind {
+            Kind::Usage => "usage",
+            Kind::Busy => "busy",
+            Kind::Absent => "absent",
+            Kind::Failed => "failed",
+        };
+        // Where that can't be written either, the exit code still tells.
+        let _ = print_json(&serde_json::json!({ "error": { "kind": kind, "message": message } }));
+    }
 }

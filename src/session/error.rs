@@ -119,6 +119,14 @@ pub enum SessionError {
         /// What this version does not know.
         reason: String,
     },
+    /// A capture that merged grains are made from.
+    #[error("session {name} is what {} was merged from, and is needed to replay it; remove that first", by.join(" and "))]
+    Needed {
+        /// Name of the capture.
+        name: String,
+        /// Names of the merged grains.
+        by: Vec<String>,
+    },
     /// The manifest is missing or unreadable.
     #[error("{}: {reason}; restore manifest.json from a backup, or delete the session", path.display())]
     Manifest {

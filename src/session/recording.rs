@@ -289,6 +289,25 @@ impl Recording {
         Ok(path)
     }
 
+    /// What there is to know of the session, as one object: what it was made with, its files, how far it has come.
+    pub fn about(&self) -> serde_json::Value {
+        let manifest = &self.manifest;
+        serde_json::json!({
+            "name": manifest.name,
+            "created": manifest.created,
+            "software": manifest.software,
+            "origin": manifest.origin,
+            "devices": manifest.devices,
+            "state": self.state().seen(self.is_busy()),
+            "plan": manifest.plan,
+            "config": manifest.config,
+            "frames": self.views().collect::<Vec<_>>(),
+            "products": self.products().collect::<Vec<_>>(),
+            "rejected": self.rejections(),
+            "result": self.result(),
+        })
+    }
+
     /// Where the compressions of this session's grain are, if there are any.
     ///
     /// # Errors

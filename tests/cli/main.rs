@@ -4,6 +4,7 @@
 mod disk;
 #[path = "../support/kit/mod.rs"]
 mod kit;
+mod manage;
 mod names;
 mod next;
 mod pictures;

@@ -90,7 +90,10 @@ impl Lab {
     pub fn command(&self, args: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_grainrig"));
         command.current_dir(self.dir.path()).arg("--data").arg(self.path("data")).args(args);
-        command.env_remove("GRAINRIG_LOG").stdin(Stdio::null());
+        for name in ["GRAINRIG_LOG", "GRAINRIG_DATA", "GRAINRIG_CONFIG"] {
+            command.env_remove(name);
+        }
+        command.stdin(Stdio::null());
         command
     }
 
