@@ -109,7 +109,8 @@ const HEADLINES = /** @type {[string, string, string][]} */ ([
  */
 export function headlines(all) {
   return HEADLINES.flatMap(([label, path, how]) => {
-    const found = all.find((one) => one.path === path);
+    // What a result has no value for is no headline: of estimate and why there is none one is always null.
+    const found = all.find((one) => one.path === path && one.value !== "–");
     // Two ends of a range, not a list.
     const range = path.includes("interval");
     return found ? [{ label, value: range ? found.value.replace(", ", " to ") : found.value, how }] : [];

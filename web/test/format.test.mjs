@@ -16,7 +16,7 @@ test("numbers are read at a glance", () => {
 test("a result's figures get the unit in their name", () => {
   const all = leaves({
     scale_mm_per_px: null,
-    hull: { volume_mm3: 0.5, volume_interval_mm3: [0.45, 0.49], bounding_box_mm: { min: [0, 1, 2] } },
+    hull: { volume_mm3: 0.5, volume_interval_mm3: [0.45, 0.49], volume_unknown: null, bounding_box_mm: { min: [0, 1, 2] } },
     mesh: { nodes: 1200, dihedral_deg: { min: 12.25 } },
     warnings: [],
     view_details: [{ index: 0 }, { index: 1 }],
@@ -26,6 +26,7 @@ test("a result's figures get the unit in their name", () => {
     scale_mm_per_px: "scale: –",
     "hull.volume_mm3": "hull · volume: 0.5000 mm³",
     "hull.volume_interval_mm3": "hull · volume interval: 0.45, 0.49 mm³",
+    "hull.volume_unknown": "hull · volume unknown: –",
     "hull.bounding_box_mm.min": "hull · bounding box · min: 0, 1, 2 mm",
     "mesh.nodes": "mesh · nodes: 1,200",
     "mesh.dihedral_deg.min": "mesh · dihedral · min: 12.25°",
