@@ -65,7 +65,7 @@ tools:
 		|| { echo 'installing the chip simulator'; $(APT) update && $(APT) install -y gcc gcc-avr avr-libc binutils-avr \
 		libsimavr-dev libelf-dev; } || $(call MISSING,gcc-avr and libsimavr-dev)
 	@[ web/node_modules/.package-lock.json -nt web/package-lock.json ] || (cd web && npm ci --no-audit --no-fund) \
-		|| $(call MISSING,playwright-core)
+		|| $(call MISSING,playwright-core and typescript)
 	@$(FIND_BROWSER) >/dev/null || { echo 'installing chromium'; $(APT) update && $(APT) install -y chromium; } || true
 	@$(FIND_BROWSER) >/dev/null || (cd web && npx playwright-core install --with-deps chromium-headless-shell) \
 		|| $(call MISSING,a browser)

@@ -15,6 +15,12 @@ if cargo nextest --version > /dev/null 2>&1; then
 else
 	cargo test --no-fail-fast "$@" || failed=1
 fi
+if [ -x web/node_modules/.bin/tsc ]; then
+	(cd web && npm run --silent types) || failed=1
+else
+	echo "page, its types: typescript is not installed (npm ci) (tools)" >> "$GRAINRIG_SKIPPED"
+	case ",${GRAINRIG_REQUIRE:-}," in *,tools,* | *,all,*) failed=1 ;; esac
+fi
 (cd web && GRAINRIG_BIN=$OLDPWD/target/debug/grainrig npm test) || failed=1
 # A skipped part of a test that is reached several times is one.
 sort -u "$GRAINRIG_SKIPPED" -o "$GRAINRIG_SKIPPED"

@@ -52,7 +52,7 @@ export function ticks(low, high, count) {
 export function draw(place, hull, planned, finished) {
   const found = finished !== null && finished.convergence.length > 1;
   const points = (found ? finished.convergence : hull).flatMap(({ views, volume_mm3 }) => (volume_mm3 === null ? [] : [{ views, volume_mm3 }]));
-  const interval = (found && finished.interval) || [];
+  const interval = found ? finished.interval : null;
   const width = Math.max(place.clientWidth, 240);
   const height = Math.round(Math.min(Math.max(width * 0.46, 180), 300));
   const svg = element("svg", { viewBox: `0 0 ${width} ${height}`, width, height, role: "img" });
@@ -60,18 +60,18 @@ export function draw(place, hull, planned, finished) {
   let title = newest
     ? `Hull volume against views: ${volume(points[0].volume_mm3)} after ${points[0].views}, ${volume(newest.volume_mm3)} after ${newest.views}`
     : "Hull volume against views: none yet";
-  if (interval.length > 0) title += `; the grain’s own lies between ${volume(interval[0])} and ${volume(interval[1])}`;
+  if (interval) title += `; the grain’s own lies between ${volume(interval[0])} and ${volume(interval[1])}`;
   svg.append(element("title", {}, title));
 
   const most = Math.max(planned, newest?.views ?? 0, 1);
-  const volumes = [...points.map((point) => point.volume_mm3), ...interval];
+  const volumes = [...points.map((point) => point.volume_mm3), ...(interval ?? [])];
   const grid = points.length > 0 ? ticks(Math.min(...volumes), Math.max(...volumes), 4) : [0, 1];
   const [low, high] = [grid[0], grid[grid.length - 1]];
   const x = (/** @type {number} */ views) => EDGE.left + (views / most) * (width - EDGE.left - EDGE.right);
   const y = (/** @type {number} */ value) => height - EDGE.bottom - ((value - low) / (high - low)) * (height - EDGE.top - EDGE.bottom);
   const across = { x1: EDGE.left, x2: width - EDGE.right };
 
-  if (interval.length > 0) {
+  if (interval) {
     const [bottom, top] = [y(interval[0]), y(interval[1])];
     svg.append(element("rect", { class: "interval", x: across.x1, y: top, width: across.x2 - across.x1, height: bottom - top }));
   }
@@ -97,7 +97,7 @@ export function draw(place, hull, planned, finished) {
     svg.append(element("circle", { class: "newest", cx: x(newest.views), cy: y(newest.volume_mm3), r: 4.5 }));
     label(svg, x(newest.views), y(newest.volume_mm3) - 10, "end", "hull");
   }
-  if (found && finished.estimate !== null && interval.length > 0) {
+  if (found && finished.estimate !== null && interval) {
     const at = y(finished.estimate);
     svg.append(element("line", { class: "estimate", ...across, y1: at, y2: at }));
     // Below the band, unless it lies on the axis.

@@ -37,7 +37,7 @@ export function listenToPress(want) {
     event.preventDefault();
     // What is being begun is what a person wants to see.
     const cause = (/** @type {unknown} */ error) => fieldOf(form, error);
-    void want(compressionUrl(session().value), { button: "press-start", fault: "press-fault", body: request(form), cause }).then((begun) => begun && look(live));
+    void want(compressionUrl(session().value), { button: "press-start", fault: "press-fault", body: request(form), cause }).then((begun) => (begun ? look(live) : undefined));
   });
   part("press-material").addEventListener("change", showYield);
   session().addEventListener("change", () => {
