@@ -188,7 +188,12 @@ impl From<Quality> for QualityMode {
 
 /// Parses the command line and runs one command; 0 is success, 1 failure, 2 usage.
 pub fn run() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = Cli::try_parse().unwrap_or_else(|error| {
+        if error.use_stderr() && std::env::args_os().any(|argument| argument == "--json") {
+            output::print_error(ErrorKind::Usage, error.render().to_string().trim_end());
+        }
+        error.exit()
+    });
     if let Command::CameraWorker = cli.command {
         return crate::rig::gphoto::worker::run();
     }

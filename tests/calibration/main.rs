@@ -45,6 +45,11 @@ impl Errors {
             self.errors.len(),
             self.errors.iter().zip(&self.sigmas).filter(|(e, s)| **e > 2.0 * **s).count(),
         );
+        if all == 0 {
+            // Of few rigs the camera's distance may show on none.
+            println!("| {name} | 0 | – | – | – | – |");
+            return 0;
+        }
         println!(
             "| {name} | {all} | {:.3} | {:.3} | {:.3} | {:.1} % |",
             Self::quantile(&self.errors, 0.5),

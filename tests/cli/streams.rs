@@ -68,11 +68,15 @@ fn without_a_terminal_each_view_and_each_stage_of_the_computation_is_a_line() {
 }
 
 #[test]
-fn an_error_says_nothing_on_standard_output() {
+fn an_error_is_on_standard_error_and_where_json_is_asked_for_an_object_too() {
     let lab = Lab::new();
-    for args in [&["--json", "replay", "nobody"][..], &["--json", "capture", "../x"], &["--json", "juggle"]] {
+    for args in [&["replay", "nobody"][..], &["capture", "../x"], &["juggle"]] {
         let ran = lab.run(args);
         assert!(ran.code != Some(0) && ran.stdout.is_empty() && !ran.stderr.is_empty(), "{ran:?}");
+        let ran = lab.run(&[args, &["--json"]].concat());
+        let object: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+        assert!(ran.code != Some(0) && !ran.stderr.is_empty(), "{ran:?}");
+        assert!(object["error"]["message"].as_str().is_some_and(|text| !text.is_empty()), "{object}");
     }
 }
 
