@@ -347,6 +347,8 @@ fn help_of_all(help: &mut Help) -> Vec<String> {
     let mut all: Vec<String> = listed(&[]);
     all.extend(NESTED.iter().flat_map(|n| listed(&[n]).into_iter().map(move |c| format!("{n} {c}"))));
     assert!(all.len() > 12, "{all:?}");
+    // The program itself has some, too.
+    all.push(String::new());
     all.retain(|c| help.of(c).is_some());
     all
 }
