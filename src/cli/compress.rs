@@ -239,19 +239,18 @@ fn claim(common: &Common, a: &Arguments, file: Option<&str>) -> Result<Claim> {
     let request = request(a, common.as_given);
     let settings = request.settings().map_err(usage)?;
     let path = a.input.as_deref().unwrap_or(Path::new("sphere"));
-    let (input, name) = match body(a)? {
-        Some(input) => (input, path.file_stem().unwrap_or_default().to_string_lossy()),
-        None => {
-            let recording = Recording::read(&super::session_folder(common, path)?)?;
-            if a.out.is_none() {
-                let (_, claim) = claim_of(&recording, &request, true)?;
-                return Ok(claim);
-            }
-            (session_grain(&recording)?, path.to_string_lossy())
+    let (input, name) = if let Some(input) = body(a)? {
+        (input, path.file_stem().unwrap_or_default().to_string_lossy())
+    } else {
+        let recording = Recording::read(&super::session_folder(common, path)?)?;
+        if a.out.is_none() {
+            let (_, claim) = claim_of(&recording, &request, true)?;
+            return Ok(claim);
         }
+        (session_grain(&recording)?, path.to_string_lossy())
     };
     let out = a.out.clone().unwrap_or_else(|| PathBuf::from(format!("{name}-compressed")));
-    Claim::new(&out, input, &request.placing(), settings).map_err(|e| named(e, file))
+    Claim::new(&out, input, &request.placing(), &settings).map_err(|e| named(e, file))
 }
 
 /// The body of a file, or a sphere; `None` for a session.

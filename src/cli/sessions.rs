@@ -120,5 +120,6 @@ pub(super) fn rm(common: &Common, arguments: &RemoveArguments) -> Result<()> {
     if common.json {
         return print_json(&json!({ "removed": arguments.sessions }));
     }
-    print(&arguments.sessions.iter().map(|name| format!("removed    {name}\n")).collect::<String>())
+    let lines: Vec<String> = arguments.sessions.iter().map(|name| format!("removed    {name}\n")).collect();
+    print(&lines.concat())
 }

@@ -79,10 +79,11 @@ impl ComputeRequest {
             Config { mesh: mesh.clone(), ..Config::default() }.check()?;
         }
         match self {
-            Self::Reconstruct { session, .. } | Self::Replay { session } => drop(store.read(session)?),
             // One that is damaged is what it is to tell.
             Self::Verify { session } if store.folder(session)?.exists() => {}
-            Self::Verify { session } => drop(store.read(session)?),
+            Self::Reconstruct { session, .. } | Self::Replay { session } | Self::Verify { session } => {
+                drop(store.read(session)?);
+            }
             Self::Merge { session, a, b, .. } => {
                 let out = store.folder(session)?;
                 if out.symlink_metadata().is_ok() {

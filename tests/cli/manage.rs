@@ -86,10 +86,10 @@ fn a_program_reads_errors_as_json() {
     assert_eq!(told(&["--json", "capture", "a/b"], 2), "usage");
     assert_eq!(told(&["--json", "compress", "--sphere-diameter-mm", "0.8", "--poisson", "0.5"], 2), "usage");
     lab.capture("a").succeeds();
-    let _writing = Session::open(&lab.session("a")).unwrap();
+    let writing = Session::open(&lab.session("a")).unwrap();
     assert_eq!(told(&["--json", "reconstruct", "a"], 1), "busy");
     // What has told its result tells no second object.
-    drop(_writing);
+    drop(writing);
     std::fs::remove_file(lab.session("a").join("products/grain.inp")).unwrap();
     let ran = lab.run(&["--json", "verify", "a"]);
     assert_eq!(ran.code, Some(1));

@@ -253,9 +253,9 @@ impl Claim {
         folder: &Path,
         input: CompressInput,
         placing: &Placing,
-        settings: CompressSettings,
+        settings: &CompressSettings,
     ) -> Result<Self, DaemonError> {
-        let wanted = Asked::new(&input, placing, &settings)?;
+        let wanted = Asked::new(&input, placing, settings)?;
         let goes_on = match asked(folder) {
             Some(before) => (before == wanted && !is_finished(folder)) || !folder.join(MESH).exists(),
             None => is_free(folder),

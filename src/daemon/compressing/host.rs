@@ -180,7 +180,7 @@ impl CompressHost {
             Work::GoOn(folder, held)
         } else {
             let input = grain(&recording)?;
-            Work::New(Box::new(Claim::new(&folder, input, &before.placing, before.settings)?))
+            Work::New(Box::new(Claim::new(&folder, input, &before.placing, &before.settings)?))
         };
         self.begin(pointer, work)
     }

@@ -65,21 +65,6 @@ pub struct Compression {
 }
 
 impl Compression {
-    /// Begins a compression in a folder that is empty or does not exist; or goes on with the very same one that was
-    /// interrupted there.
-    ///
-    /// # Errors
-    /// [`DaemonError`]: a body, a material or plates that cannot be computed, a folder that is not free or cannot be written.
-    pub fn begin(
-        folder: &Path,
-        input: CompressInput,
-        placing: &Placing,
-        settings: CompressSettings,
-        told: &mut dyn FnMut(&str, f64),
-    ) -> Result<Self, DaemonError> {
-        Claim::new(folder, input, placing, settings)?.build(told)
-    }
-
     /// Goes on with an interrupted one.
     ///
     /// # Errors

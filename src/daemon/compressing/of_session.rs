@@ -33,7 +33,7 @@ pub fn claim_of(
     for number in 2.. {
         let folder = recording.compression_path(&name)?;
         if folder.symlink_metadata().is_err() || (goes_on && is_same(&folder)) {
-            return Ok((name, Claim::new(&folder, input, &placing, settings)?));
+            return Ok((name, Claim::new(&folder, input, &placing, &settings)?));
         }
         name = format!("{first}-{number}");
         check_name("compression", &name)?;

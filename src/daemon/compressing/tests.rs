@@ -1,11 +1,22 @@
 //! Checkpoints, on a clock of the test's own.
 
-use super::{CompressInput, CompressRequest, Compression, STATE};
+use super::{
+    Claim, CompressInput, CompressRequest, CompressSettings, Compression, DaemonError, Placing, STATE,
+};
 use std::cell::Cell;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tempfile::TempDir;
+
+/// A ball in a folder, claimed and meshed, or gone on with.
+fn claimed(
+    folder: &Path,
+    placing: &Placing,
+    settings: &CompressSettings,
+) -> Result<Compression, DaemonError> {
+    Claim::new(folder, CompressInput::Sphere(0.8), placing, settings)?.build(&mut |_, _| {})
+}
 
 /// A ball of some hundred elements, pressed in less than a second.
 fn begin(folder: &Path) -> Compression {
@@ -17,8 +28,7 @@ fn begin(folder: &Path) -> Compression {
         ..CompressRequest::default()
     };
     let settings = request.settings().unwrap();
-    Compression::begin(folder, CompressInput::Sphere(0.8), &request.placing(), settings, &mut |_, _| {})
-        .unwrap()
+    claimed(folder, &request.placing(), &settings).unwrap()
 }
 
 fn run(compression: &mut Compression) -> bool {
@@ -103,8 +113,7 @@ fn the_same_again_goes_on_and_something_else_is_refused() {
     drop(first);
     let request = CompressRequest { young_mpa: 50e3, ..CompressRequest::default() };
     let other = request.settings().unwrap();
-    let refused =
-        Compression::begin(&folder, CompressInput::Sphere(0.8), &request.placing(), other, &mut |_, _| {});
+    let refused = claimed(&folder, &request.placing(), &other);
     let refused = refused.err().unwrap().to_string();
     assert!(refused.contains("not an empty folder"), "{refused}");
     let mut again = begin(&folder);
@@ -115,7 +124,7 @@ fn the_same_again_goes_on_and_something_else_is_refused() {
     let request = CompressRequest { to_force_n: Some(4.0), size_mm: Some(0.2), ..CompressRequest::default() };
     let request = CompressRequest { size_at_contact_mm: Some(0.15), ..request };
     let (placing, settings) = (request.placing(), request.settings().unwrap());
-    let refused = Compression::begin(&folder, CompressInput::Sphere(0.8), &placing, settings, &mut |_, _| {});
+    let refused = claimed(&folder, &placing, &settings);
     let refused = refused.err().unwrap().to_string();
     assert!(refused.contains("not an empty folder"), "{refused}");
 }
