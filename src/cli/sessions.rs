@@ -2,7 +2,7 @@
 
 use super::output::{print, print_json, say};
 use super::{Common, usage};
-use crate::session::{Recording, Summary, remove};
+use crate::session::{Recording, SessionError, Summary, remove};
 use anyhow::Result;
 use clap::Args;
 use serde_json::{Value, json};
@@ -98,16 +98,27 @@ pub(super) fn show(common: &Common, arguments: &ShowArguments) -> Result<()> {
 /// Removes sessions, once a person has said that it is meant.
 pub(super) fn rm(common: &Common, arguments: &RemoveArguments) -> Result<()> {
     let store = common.store();
-    // All of them before the first: a slip of the hand removes nothing.
-    let found: Vec<Recording> =
-        arguments.sessions.iter().map(|name| store.read(name)).collect::<Result<_, _>>()?;
+    // All of them before the first: a slip of the hand removes nothing. A damaged one is removed like others.
+    let mut views = 0;
+    for name in &arguments.sessions {
+        match store.read(name) {
+            Ok(recording) => views += recording.views().len(),
+            Err(
+                e
+                @ (SessionError::Absent { .. } | SessionError::Irregular { .. } | SessionError::Name { .. }),
+            ) => return Err(e.into()),
+            Err(_) => {}
+        }
+    }
     if !arguments.yes {
         if !std::io::stdin().is_terminal() {
             return Err(usage("nothing was removed: say --yes where nobody can be asked"));
         }
-        let views: usize = found.iter().map(|r| r.views().len()).sum();
         let names = arguments.sessions.join(", ");
-        say(format!("Remove {names} from {}, with {views} pictures, for good? [y/N]", common.data.display()));
+        say(format!(
+            "Remove {names} from {}, with {views} pictures that can be read, for good? [y/N]",
+            common.data.display()
+        ));
         let mut answer = String::new();
         std::io::stdin().lock().read_line(&mut answer)?;
         if !matches!(answer.trim(), "y" | "Y" | "yes") {

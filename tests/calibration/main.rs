@@ -152,6 +152,26 @@ fn the_truth_of_random_rigs_lies_within_the_stated_uncertainty() {
     assert!(alarms.is_empty(), "clean rigs raised {alarms:?}");
 }
 
+/// The default rig's own grains, two of which looked like a near camera once, and any others.
+#[test]
+fn a_telecentric_lens_is_not_taken_for_a_near_camera() {
+    let seeds: Vec<u64> = [1, 28].into_iter().chain(100..100 + rigs(6)).collect();
+    let of = |seed: u64| match seed {
+        1 | 28 => Settings { seed, width: 900, height: 900, ..Settings::default() },
+        _ => Settings { camera_distance_mm: None, ..random(seed, Wrong::Nothing) },
+    };
+    let said = |i: u64, _: &Captured, c: &Calibration| {
+        assert!(
+            c.camera_distance_mm.value.is_none(),
+            "seed {}: {}",
+            seeds[i as usize],
+            c.camera_distance_note
+        );
+    };
+    let made = all(0..seeds.len() as u64, |i| of(seeds[i as usize]), said);
+    assert!(made.len() * 10 >= seeds.len() * 9, "only {} rigs of {}", made.len(), seeds.len());
+}
+
 /// Camera up or down, a distance that was noted wrong, and every step up to a hundredth too large or too small.
 #[test]
 fn rigs_that_were_misread_state_how_little_they_know() {

@@ -68,6 +68,10 @@ fn a_session_is_removed_only_where_that_is_meant_and_can_be() {
     assert!(left.iter().all(|name| ["b", "notes"].contains(&name.as_str())), "{left:?}");
     assert!(lab.session("notes").exists());
     lab.assert_sound("b");
+    // One that is damaged is the likeliest to be removed.
+    std::fs::write(lab.session("b").join("manifest.json"), b"{").unwrap();
+    lab.run(&["rm", "--yes", "b"]).succeeds();
+    assert!(!lab.session("b").exists());
 }
 
 #[test]
