@@ -6,13 +6,13 @@
 
 #[allow(dead_code)]
 #[path = "../tests/http/daemon.rs"]
-mod daemon;
+mod jobs;
 #[path = "../tests/support/sse/mod.rs"]
 mod sse;
 
-use daemon::{Daemon, Lab};
 use grainrig::session::Recording;
 use grainrig::session::event::Happening;
+use jobs::{Daemon, Lab};
 use serde_json::{Value, json};
 use std::time::SystemTime;
 

@@ -6,7 +6,7 @@
 
 captures a grain, waits, downloads its products, compresses it between two plates and downloads what came of that.
 Every operation of /api/v1/openapi.json is a method of `Client` under its operationId: path and query parameters
-are keyword arguments, the request's body is `body`; what comes back is JSON as Python has it, or bytes for a file.
+are keyword arguments, the request's body is `body` (JSON, or bytes for a file); what comes back is JSON as Python has it, or bytes for a file.
 """
 
 import argparse
@@ -67,7 +67,10 @@ class Client:
 
     def _send(self, method, place, body=None):
         request = urllib.request.Request(self.url + place, method=method)
-        if body is not None:
+        if isinstance(body, bytes):  # a file
+            request.data = body
+            request.add_header("Content-Type", "application/octet-stream")
+        elif body is not None:
             request.data = json.dumps(body).encode()
             request.add_header("Content-Type", "application/json")
         if self.token:

@@ -7,7 +7,7 @@
 pub mod acquire;
 pub mod cli;
 pub mod config;
-pub mod daemon;
+pub mod jobs;
 pub mod pipeline;
 pub mod rig;
 pub mod server;

@@ -5,7 +5,7 @@ mod kit;
 #[path = "support/skip.rs"]
 mod skip;
 
-use grainrig::daemon::{Angles, BodyKind, ScaleRequest, calibrate_scale};
+use grainrig::jobs::{Angles, BodyKind, ScaleRequest, calibrate_scale};
 use grainrig::rig::simulated::{Settings, open};
 use grainrig::rig::{Camera as _, RotationStage as _};
 use grainrig_core::geometry::Angle;

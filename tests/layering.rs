@@ -1,11 +1,11 @@
-//! A room imports only rooms below it, and nobody but daemon, cli and configuration names the simulated rig.
+//! A room imports only rooms below it, and nobody but jobs, cli and configuration names the simulated rig.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The program, from its roof down; all of it stands on the core, which cannot know it.
 const PROGRAM: [&str; 11] =
-    ["main", "cli", "server", "daemon", "config", "acquire", "pipeline", "session", "rig", "system", "lib"];
+    ["main", "cli", "server", "jobs", "config", "acquire", "pipeline", "session", "rig", "system", "lib"];
 /// The core. A step of the computation may import the steps whose values it takes, so the way of the data runs upwards from
 /// geometry.
 const CORE: [&str; 12] = [
@@ -125,11 +125,11 @@ fn the_core_computes_and_nothing_else() {
 }
 
 #[test]
-fn only_daemon_cli_and_configuration_name_the_simulated_rig() {
+fn only_jobs_cli_and_configuration_name_the_simulated_rig() {
     for (file, room, code) in files("src") {
         let own = file.components().any(|c| c.as_os_str() == "simulated");
         let declared = file.ends_with("rig/mod.rs");
-        if !own && !declared && !["daemon", "cli", "config", "main"].contains(&room.as_str()) {
+        if !own && !declared && !["jobs", "cli", "config", "main"].contains(&room.as_str()) {
             assert!(!code.contains("simulated"), "{} names the simulated rig", file.display());
         }
     }
@@ -147,7 +147,7 @@ fn files_of_a_session_are_opened_in_one_place() {
     let words =
         ["fs::read(", "fs::read_to_string(", "File::open(", "OpenOptions", "fs::copy(", "tokio::fs::read"];
     for (file, room, code) in files("src") {
-        let looked_at = ["session", "server", "daemon"].contains(&room.as_str());
+        let looked_at = ["session", "server", "jobs"].contains(&room.as_str());
         if looked_at && !allowed.iter().any(|allowed| file.ends_with(allowed)) {
             for word in words {
                 assert!(!code.contains(word), "{}: {word} instead of session::open", file.display());

@@ -7,7 +7,7 @@ mod skip;
 
 use grainrig::acquire::Control;
 use grainrig::config::Config;
-use grainrig::daemon::{self, DaemonError, Finished, Watcher};
+use grainrig::jobs::{self, Finished, JobError, Watcher};
 use grainrig::pipeline::PipelineError;
 use grainrig::rig::simulated::{self, Coverage, Settings};
 use grainrig_core::geometry::{Angle, Point, Projection, Vector};
@@ -141,17 +141,16 @@ fn quiet() -> Watcher {
 }
 
 /// Captures both and merges them: what came of it, and the rows that either session took for z = 0.
-fn merged(a: &Settings, b: &Settings) -> Result<(Finished, [f64; 2]), DaemonError> {
+fn merged(a: &Settings, b: &Settings) -> Result<(Finished, [f64; 2]), JobError> {
     let home = tempfile::tempdir().unwrap();
     let origins = [("a", a), ("b", b)].map(|(name, settings)| {
         let config = config(settings);
-        let done =
-            daemon::capture(home.path(), name, &config, None, &Control::new(), &quiet()).unwrap().result;
+        let done = jobs::capture(home.path(), name, &config, None, &Control::new(), &quiet()).unwrap().result;
         done.axis.unwrap().origin_row_px
     });
     let out = home.path().join("out");
     let folders = [home.path().join("a"), home.path().join("b")];
-    let done = daemon::merge([&folders[0], &folders[1]], &out, None, &quiet());
+    let done = jobs::merge([&folders[0], &folders[1]], &out, None, &quiet());
     assert_eq!(out.exists(), done.is_ok(), "a refusal leaves nothing, a result its files");
     if done.is_ok() {
         assert_eq!(kit::files(&out.join("products")), ["grain.inp", "grain.stl", "grain.vtu", "result.json"]);
@@ -247,7 +246,7 @@ fn a_second_pose_takes_more_than_half_of_the_excess_away() {
 fn a_ball_fits_in_every_way_and_is_refused() {
     let a = Settings { sphere_diameter_mm: Some(0.9), ..small() };
     let refused = merged(&a, &remounted(&a, 20.0)).unwrap_err();
-    let DaemonError::Pipeline(PipelineError::Register(RegisterError::Ambiguous { apart_deg, .. })) = &refused
+    let JobError::Pipeline(PipelineError::Register(RegisterError::Ambiguous { apart_deg, .. })) = &refused
     else {
         panic!("{refused}")
     };
@@ -262,7 +261,7 @@ fn two_different_grains_are_refused() {
         let refused = merged(a, &remounted(b, 50.0)).unwrap_err();
         println!("{refused}");
         assert!(
-            matches!(&refused, DaemonError::Pipeline(PipelineError::Register(RegisterError::Poor { .. }))),
+            matches!(&refused, JobError::Pipeline(PipelineError::Register(RegisterError::Poor { .. }))),
             "{refused}"
         );
     }

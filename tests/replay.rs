@@ -5,7 +5,7 @@ mod kit;
 
 use grainrig::acquire::Control;
 use grainrig::config::Config;
-use grainrig::daemon::{self, DaemonError, Watcher};
+use grainrig::jobs::{self, JobError, Watcher};
 use grainrig::pipeline::{Cameras, TurntableSettings};
 use grainrig::session::event::{Event, Happening};
 use grainrig::session::import::{ImportRequest, scan};
@@ -71,11 +71,11 @@ fn replays(views: u32, whole_turn: bool, faults: &str, abort_after: Option<usize
             stop.abort();
         }
     });
-    let done = daemon::capture(dir.path(), "a", &quick(views, whole_turn, faults), None, &control, &watcher);
+    let done = jobs::capture(dir.path(), "a", &quick(views, whole_turn, faults), None, &control, &watcher);
     let quiet: Watcher = Arc::new(|_| {});
     match (done, abort_after) {
-        (Err(DaemonError::Aborted { .. }), Some(_)) => {
-            daemon::resume(&folder, None, &Control::new(), &quiet).unwrap_or_else(|e| panic!("{what}: {e}"));
+        (Err(JobError::Aborted { .. }), Some(_)) => {
+            jobs::resume(&folder, None, &Control::new(), &quiet).unwrap_or_else(|e| panic!("{what}: {e}"));
         }
         (done, _) => drop(done.unwrap_or_else(|e| panic!("{what}: {e}"))),
     }
@@ -84,7 +84,7 @@ fn replays(views: u32, whole_turn: bool, faults: &str, abort_after: Option<usize
         let rejected = |e: &&Event| matches!(e.what, Happening::Rejected { .. });
         assert!(recording.events().iter().find(rejected).is_some(), "{what}: no picture was taken again");
     }
-    let again = daemon::replay(&folder, &quiet).unwrap_or_else(|e| panic!("{what}: {e}"));
+    let again = jobs::replay(&folder, &quiet).unwrap_or_else(|e| panic!("{what}: {e}"));
     assert_eq!(again.differs, Vec::<String>::new(), "{what}");
     assert!(verify(&folder).unwrap().is_sound(), "{what}");
 }
@@ -267,7 +267,7 @@ fn the_replay_takes_the_same_way_through_the_acquisition_as_the_rig() {
     let names: Arc<Mutex<Vec<Happening>>> = Arc::default();
     let heard = Arc::clone(&names);
     let watcher: Watcher = Arc::new(move |event| heard.lock().unwrap().push(event.what.clone()));
-    let done = daemon::replay(&lab.session("a"), &watcher).unwrap();
+    let done = jobs::replay(&lab.session("a"), &watcher).unwrap();
     assert!(done.differs.is_empty());
     let steps = |events: &[Happening]| -> Vec<(&'static str, Option<usize>)> {
         let step = |what: &Happening| match what {

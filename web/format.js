@@ -153,7 +153,11 @@ const JOBS = /** @type {Record<string, (of: any) => string>} */ ({
   replay: ({ session }) => `Replay of ${session}`,
   verify: ({ session }) => `Check of ${session}`,
   merge: ({ session }) => `Merging to ${session}`,
-  compress: ({ session, name }) => `Compression ${name} of ${session}`,
+  compress: ({ session, name }) => (name ? `Compression ${name} of ${session}` : `Compression of ${session}`),
+  import: ({ session }) => `Import of ${session}`,
+  mesh: ({ session }) => `Mesh of ${session}`,
+  calibrate_scale: ({ session }) => `Size of a pixel from ${session}`,
+  study: ({ session }) => `Study ${session}`,
 });
 
 /**

@@ -22,9 +22,9 @@
  * A computation beside the rig.
  * @typedef {object} Job
  * @property {number} job
- * @property {"reconstruct"|"replay"|"verify"|"merge"|"compress"} kind
- * @property {string} session
- * @property {string} [name] Of a compression.
+ * @property {"reconstruct"|"replay"|"verify"|"merge"|"compress"|"import"|"mesh"|"calibrate_scale"|"study"} kind
+ * @property {string} session Or the file or folder that it is about.
+ * @property {string} [name] Of a session's compression.
  * @property {"waiting"|"running"|"complete"|"cancelled"|"interrupted"|"failed"} state
  * @property {string} [phase] What is being done.
  * @property {number} done

@@ -11,14 +11,16 @@ pub struct AcquireSettings {
 }
 
 /// What becomes of a picture that is no good.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema, clap::ValueEnum,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum QualityMode {
-    /// It is taken again, as often as the plan allows; then the run is suspended.
+    /// Take it again; where that does not help, suspend the run.
     #[default]
     Gate,
-    /// It is kept, and labelled in the result.
+    /// Keep it and say so in the result.
     Label,
-    /// It is not looked for.
+    /// Do not look.
     Off,
 }

@@ -3,105 +3,28 @@
 use super::output::{print, print_json, say};
 use super::progress::Progress;
 use super::signals::stoppable;
-use super::{Common, Quality, next, usage};
-use crate::daemon::{self, Finished, Resumed, ScaleFile};
+use super::{Common, next, usage};
+use crate::jobs::{CaptureOptions, Finished, ResumeOptions, Resumed};
 use crate::pipeline::OUTLINE;
 use anyhow::Result;
-use clap::Args;
-use std::path::PathBuf;
 
-/// Options of `capture`.
-#[derive(Debug, Args)]
-pub struct Arguments {
-    /// Name of the new session: 1 to 64 letters, digits, `.`, `_` or `-`.
-    name: String,
-    /// Number of views over half a turn, instead of the configuration's: 2 to 200 with motor steps of 0.9°.
-    /// The step between them is the greatest whole number of motor steps that keeps them within it.
-    #[arg(long, value_name = "COUNT", allow_negative_numbers = true)]
-    views: Option<u32>,
-    /// A file of `grainrig calibrate scale`, which sets the size of a pixel instead of the configuration
-    /// (`optics.mm_per_px`), and the camera's distance where it was given there.
-    #[arg(long, value_name = "FILE")]
-    calibration: Option<PathBuf>,
-    /// Use the stage's angles as they are and no sideways shift of single views; both are measured and told all the same.
-    #[arg(long)]
-    no_refine: bool,
-    /// Draw no outlines over the photographs, and no sheet of the calibration.
-    #[arg(long)]
-    no_pictures: bool,
-    /// What becomes of a picture that is out of focus, shaken, overexposed, obstructed or a copy of another, instead
-    /// of what the configuration says.
-    #[arg(long, value_enum)]
-    quality: Option<Quality>,
-    /// Write the simulated rig's truth (shape, angles, camera) into this folder.
-    #[arg(long, value_name = "DIR")]
-    truth: Option<PathBuf>,
-}
-
-/// Options of `resume`.
-#[derive(Debug, Args)]
-pub struct ResumeArguments {
-    /// The session: its name in the data folder, or its folder's path.
-    session: PathBuf,
-    /// What becomes of a picture that is no good among the missing views, instead of what the session's
-    /// configuration says.
-    #[arg(long, value_enum)]
-    quality: Option<Quality>,
-}
-
-pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
-    let mut config = common.config()?;
-    if let Some(views) = arguments.views {
-        let half_turn = (180.0 / config.plan.step_deg + 1e-9).floor();
-        let steps = (half_turn / f64::from(views)).floor();
-        if views < 2 || steps < 1.0 {
-            return Err(usage(format!(
-                "--views is {views}; give 2 to {half_turn}: a half turn has {half_turn} motor steps of {}° \
-                 (plan.step_deg)",
-                config.plan.step_deg
-            )));
-        }
-        config.plan.views = views;
-        config.plan.steps_per_view = steps as u32;
-        config.plan.check().map_err(usage)?;
-    }
-    if let Some(path) = &arguments.calibration {
-        let scale = ScaleFile::read(path)?.given();
-        config.optics.mm_per_px = scale.mm_per_px;
-        config.optics.mm_per_px_sigma = scale.sigma;
-        config.optics.camera_distance_mm = scale.camera_distance_mm.or(config.optics.camera_distance_mm);
-    }
-    config.optics.refine &= !arguments.no_refine;
-    config.report.pictures &= !arguments.no_pictures;
-    if let Some(quality) = arguments.quality {
-        config.acquire.quality = quality.into();
-    }
-    config.check()?;
-    let control = stoppable();
+pub(super) fn run(common: &Common, options: &CaptureOptions) -> Result<()> {
     let progress = Progress::new();
-    let outcome = daemon::capture(
-        &common.data,
-        &arguments.name,
-        &config,
-        arguments.truth.as_deref(),
-        &control,
-        &progress.watcher(),
-    );
+    let context = common.configured(&progress)?;
+    let outcome = options.run(&context, &stoppable());
     progress.finish();
     conclude(common, &outcome?)
 }
 
-pub(super) fn resume(common: &Common, arguments: &ResumeArguments) -> Result<()> {
+pub(super) fn resume(common: &Common, options: &ResumeOptions) -> Result<()> {
     if common.as_given {
         return Err(usage(
             "--as-given goes with a new session, or with `grainrig reconstruct` of one whose views are all there: what is \
              resumed goes on as it was begun",
         ));
     }
-    let folder = super::session_folder(common, &arguments.session)?;
-    let control = stoppable();
     let progress = Progress::new();
-    let outcome = daemon::resume(&folder, arguments.quality.map(Into::into), &control, &progress.watcher());
+    let outcome = options.run(&common.context(&progress), &stoppable());
     progress.finish();
     match outcome? {
         Resumed::Done(done) => conclude(common, &done),

@@ -2,12 +2,12 @@
 
 use super::Common;
 use super::output::{print, print_json};
-use crate::daemon::{self, DeviceLine};
+use crate::jobs::{self, DeviceLine};
 use crate::rig::discovery::Role;
 use anyhow::Result;
 
 pub(super) fn run(common: &Common) -> Result<()> {
-    let devices = daemon::devices(&common.config()?)?;
+    let devices = jobs::devices(&common.config()?)?;
     if common.json {
         return print_json(&devices);
     }

@@ -2,13 +2,13 @@
 
 use super::Common;
 use super::output::{print, print_json};
-use crate::daemon::{self, Finding, Health};
+use crate::jobs::{self, Finding, Health};
 use anyhow::{Result, bail};
 
 pub(super) fn run(common: &Common) -> Result<()> {
     let config = common.config()?;
     let mut failed = Ok(());
-    let findings = daemon::doctor(&config, &common.data, &mut |finding| {
+    let findings = jobs::doctor(&config, &common.data, &mut |finding| {
         // A look at hardware takes seconds: each line comes when it is known.
         if !common.json && failed.is_ok() {
             failed = print(&told(finding));

@@ -2,7 +2,7 @@
 
 use super::output::{print, print_json};
 use super::{Common, signals};
-use crate::daemon::{self, Focused};
+use crate::jobs::{self, Focused};
 use crate::rig::Frame;
 use crate::session::write_whole;
 use anyhow::{Context as _, Result};
@@ -27,7 +27,7 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let stop = signals::stop_flag("stopping after this picture");
     let mut all = Vec::new();
     let mut failed = Ok(());
-    daemon::focus(&config, &mut |focused, frame| {
+    jobs::focus(&config, &mut |focused, frame| {
         failed = show(common, arguments, focused, frame);
         all.push(focused.clone());
         let enough = arguments.pictures.is_some_and(|n| all.len() as u64 >= n);

@@ -1,15 +1,15 @@
 //! The rig of this computer as the server sees it: the host, its sessions, and what clients may know of them.
 
+use crate::acquire::QualityMode;
 use crate::config::Config;
-use crate::daemon::{
-    Background, CompressHost, ComputeRequest, DaemonError, ErrorKind, Host, HostError, PreviewPart, Previews,
-    Watcher,
+use crate::jobs::{
+    Background, CaptureOptions, CompressHost, ErrorKind, Host, Job, JobError, PreviewPart, Previews, Watcher,
 };
 use crate::server::{
     Content, Download, EventFeed, KEPT_EVENTS, Refusal, RefusalKind, Rig, RunRequest, RunStarted,
 };
 use crate::session::event::{CompressionNews, Event, Happening, JobNews};
-use crate::session::{Hashes, Recording, SessionError, Summary, sha256_hex};
+use crate::session::{Exchange, Hashes, Recording, SessionError, Summary, remove, sha256_hex};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -80,20 +80,18 @@ impl LocalRig {
         Arc::clone(&self.background)
     }
 
+    /// The files beside the sessions.
+    pub(super) fn exchange(&self) -> Exchange {
+        Exchange::of(self.host.store().data())
+    }
+
     fn read(&self, id: &str) -> Result<Recording, Refusal> {
         self.host.store().read(id).map_err(|e| refused(&e))
     }
 
-    fn host_refused(&self, error: &HostError) -> Refusal {
+    pub(super) fn job_refused(&self, error: &JobError) -> Refusal {
         match error {
-            HostError::Daemon(e) => self.daemon_refused(e),
-            e => self.refusal(e.kind(), e),
-        }
-    }
-
-    fn daemon_refused(&self, error: &DaemonError) -> Refusal {
-        match error {
-            DaemonError::Session(e) => refused(e),
+            JobError::Session(e) => refused(e),
             e => self.refusal(e.kind(), e),
         }
     }
@@ -119,33 +117,40 @@ impl Rig for LocalRig {
             return Err(Refusal::new(RefusalKind::Invalid, message));
         }
         let Value::Object(overrides) = overrides else { unreachable!("it was made of an object") };
-        let session = self.host.start(&request.session, overrides).map_err(|e| self.host_refused(&e))?;
+        let calibration = request.calibration.map(PathBuf::from);
+        let options = CaptureOptions {
+            name: request.session,
+            views: request.views,
+            calibration,
+            ..CaptureOptions::default()
+        };
+        let session = self.host.start(&options, overrides).map_err(|e| self.job_refused(&e))?;
         Ok(RunStarted { session })
     }
 
     fn pause(&self) -> Result<(), Refusal> {
-        self.host.pause().map_err(|e| self.host_refused(&e))
+        self.host.pause().map_err(|e| self.job_refused(&e))
     }
 
     fn resume(&self) -> Result<(), Refusal> {
-        self.host.resume().map_err(|e| self.host_refused(&e))
+        self.host.resume().map_err(|e| self.job_refused(&e))
     }
 
-    fn resume_session(&self, id: &str) -> Result<RunStarted, Refusal> {
-        let session = self.host.resume_session(id).map_err(|e| self.host_refused(&e))?;
+    fn resume_session(&self, id: &str, quality: Option<QualityMode>) -> Result<RunStarted, Refusal> {
+        let session = self.host.resume_session(id, quality).map_err(|e| self.job_refused(&e))?;
         Ok(RunStarted { session })
     }
 
     fn abort(&self) -> Result<(), Refusal> {
-        self.host.abort().map_err(|e| self.host_refused(&e))
+        self.host.abort().map_err(|e| self.job_refused(&e))
     }
 
     fn devices(&self) -> Result<Value, Refusal> {
-        self.host.devices().map(|all| json!(all)).map_err(|e| self.host_refused(&e))
+        self.host.devices().map(|all| json!(all)).map_err(|e| self.job_refused(&e))
     }
 
     fn doctor(&self) -> Result<Value, Refusal> {
-        let mut all = self.host.doctor().map_err(|e| self.host_refused(&e))?;
+        let mut all = self.host.doctor().map_err(|e| self.job_refused(&e))?;
         for finding in &mut all {
             finding.found = self.places.hidden(&finding.found);
         }
@@ -168,6 +173,10 @@ impl Rig for LocalRig {
         Ok(about)
     }
 
+    fn remove_session(&self, id: &str) -> Result<(), Refusal> {
+        remove(&self.host.store(), id).map_err(|e| refused(&e))
+    }
+
     fn frame(&self, id: &str, file: &str) -> Result<Download, Refusal> {
         let recording = self.read(id)?;
         let view = recording.views().find(|v| v.file == file).ok_or_else(|| absent(id, "frame", file))?;
@@ -184,7 +193,7 @@ impl Rig for LocalRig {
         let view = recording.views().find(|v| v.file == file).ok_or_else(|| absent(id, "frame", file))?;
         let part = if of_grain { PreviewPart::Grain } else { PreviewPart::Whole };
         let made = self.previews.preview(&recording, view.view, part).map_err(|e| match e {
-            DaemonError::Session(e) => damaged(id, "frame", file, &e),
+            JobError::Session(e) => damaged(id, "frame", file, &e),
             e => Refusal::new(RefusalKind::Failed, self.places.hidden(&e.to_string())),
         })?;
         let content = Content::Bytes(made.bytes.to_vec());
@@ -216,8 +225,13 @@ impl Rig for LocalRig {
         })
     }
 
-    fn compute(&self, request: ComputeRequest) -> Result<u64, Refusal> {
-        self.background.compute(&self.host.store(), request).map_err(|e| self.daemon_refused(&e))
+    fn compute(&self, job: Job) -> Result<u64, Refusal> {
+        self.background.compute(job, self.host.context()).map_err(|e| self.job_refused(&e))
+    }
+
+    fn job_result(&self, job: u64) -> Option<Value> {
+        let text = self.background.result(job)?.to_string();
+        serde_json::from_str(&self.places.hidden(&text)).ok()
     }
 
     fn cancel_job(&self, job: u64) -> Result<(), Refusal> {
@@ -266,6 +280,7 @@ pub(super) fn refused(error: &SessionError) -> Refusal {
         // It names the product and what writes it again, and no place on the disk.
         SessionError::Product { .. } => Refusal::new(RefusalKind::Failed, error.to_string()),
         SessionError::Name { .. } => Refusal::new(RefusalKind::Invalid, error.to_string()),
+        SessionError::Needed { .. } => Refusal::new(RefusalKind::Busy, error.to_string()),
         SessionError::Locked { .. } => {
             Refusal::new(RefusalKind::Busy, "another job has the session; wait for its end")
                 .with_detail(error)

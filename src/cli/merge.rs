@@ -3,37 +3,13 @@
 use super::Common;
 use super::capture::conclude;
 use super::progress::Progress;
-use super::reconstruct::MeshOptions;
-use crate::daemon::{self, Finished};
+use crate::jobs::{Finished, MergeOptions};
 use crate::pipeline::MergeResult;
 use anyhow::Result;
-use clap::Args;
-use std::path::PathBuf;
 
-/// Options of `merge`.
-#[derive(Debug, Args)]
-pub struct Arguments {
-    /// The first session: its name in the data folder, or its folder's path. The result is in its frame.
-    a: PathBuf,
-    /// The second session: the same grain with another side down.
-    b: PathBuf,
-    /// The merged grain's session, which must not exist yet: its name in the data folder, or its folder's path.
-    #[arg(long, value_name = "NAME")]
-    out: PathBuf,
-    #[command(flatten)]
-    mesh: MeshOptions,
-}
-
-pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
-    let a = super::session_folder(common, &arguments.a)?;
-    let b = super::session_folder(common, &arguments.b)?;
-    // A plain name is a session of the data folder, as for every other command.
-    let out = match arguments.out.components().count() {
-        1 => common.data.join(&arguments.out),
-        _ => arguments.out.clone(),
-    };
+pub(super) fn run(common: &Common, options: &MergeOptions) -> Result<()> {
     let progress = Progress::new();
-    let outcome = daemon::merge([&a, &b], &out, arguments.mesh.settings().as_ref(), &progress.watcher());
+    let outcome = options.run(&common.context(&progress));
     progress.finish();
     conclude(common, &outcome?)
 }

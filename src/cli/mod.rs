@@ -9,10 +9,10 @@ mod focus;
 mod help;
 mod import;
 mod local_compressions;
+mod local_files;
 mod local_rig;
 mod merge;
 mod mesh;
-mod mesh_files;
 mod next;
 mod output;
 mod progress;
@@ -23,15 +23,19 @@ mod signals;
 mod study;
 mod verify;
 
-use crate::acquire::QualityMode;
 use crate::config::Config;
-use crate::daemon::ErrorKind;
+use crate::jobs::{
+    CaptureOptions, CompressOptions, Context, ErrorKind, ImportOptions, MergeOptions, MeshOptions, Names,
+    ReconstructOptions, ReplayOptions, ResumeOptions, VerifyOptions,
+};
 use crate::session::Store;
 use anyhow::Result;
 use clap::{Args, Parser, Subcommand};
+use progress::Progress;
 use std::io::IsTerminal as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 
 /// The version, with the drivers of cameras that were built in.
 const VERSION: &str = match (cfg!(feature = "gphoto2"), cfg!(feature = "v4l")) {
@@ -96,6 +100,26 @@ impl Common {
         Store::new(&self.data)
     }
 
+    fn names(&self) -> Names {
+        Names::Anywhere(self.store())
+    }
+
+    /// What a job has that makes no session.
+    fn context(&self, progress: &Progress) -> Context {
+        Context {
+            names: self.names(),
+            config: Config::default(),
+            as_given: self.as_given,
+            watcher: progress.watcher(),
+            stop: Arc::default(),
+        }
+    }
+
+    /// What a job has that makes a session.
+    fn configured(&self, progress: &Progress) -> Result<Context> {
+        Ok(Context { config: self.config()?, ..self.context(progress) })
+    }
+
     /// A recorded session keeps the configuration that it was made with: who gives another is told.
     fn without_config(&self) {
         let of_the_shell = std::env::var_os(CONFIG_ENV).map(PathBuf::from);
@@ -116,28 +140,28 @@ enum Command {
     Serve(serve::Arguments),
     /// Capture a grain on the rig: turn, photograph, carve, mesh, write.
     #[command(after_help = help::CAPTURE)]
-    Capture(capture::Arguments),
+    Capture(CaptureOptions),
     /// Go on with an interrupted session: capture the missing views, compute what is not computed.
     #[command(after_help = help::RESUME)]
-    Resume(capture::ResumeArguments),
+    Resume(ResumeOptions),
     /// Run a recorded session again, without the rig: the same way through the program, the same bytes.
     #[command(after_help = help::REPLAY)]
-    Replay(reconstruct::ReplayArguments),
+    Replay(ReplayOptions),
     /// Take in a folder of photographs and reconstruct the object.
     #[command(after_help = help::IMPORT)]
-    Import(import::Arguments),
+    Import(ImportOptions),
     /// Compute hull and mesh of a session again, with other settings if wanted.
     #[command(after_help = help::RECONSTRUCT)]
-    Reconstruct(reconstruct::Arguments),
+    Reconstruct(ReconstructOptions),
     /// Fill a closed surface (STL) or a session's hull with tetrahedra.
     #[command(after_help = help::MESH)]
-    Mesh(mesh::Arguments),
+    Mesh(MeshOptions),
     /// Put two captures of one grain, another side down in the second, together to one closer hull and mesh.
     #[command(after_help = help::MERGE)]
-    Merge(merge::Arguments),
+    Merge(MergeOptions),
     /// Press a grain between two rigid plates: force against displacement, by explicit dynamics.
     #[command(after_help = help::COMPRESS)]
-    Compress(compress::Arguments),
+    Compress(CompressOptions),
     /// List the sessions of the data folder, the newest first.
     List,
     /// Show what there is to know of a session: how far it has come, its figures, its files.
@@ -147,7 +171,7 @@ enum Command {
     Rm(sessions::RemoveArguments),
     /// Check every file of a session against the hashes in its journal.
     #[command(after_help = help::VERIFY)]
-    Verify(verify::Arguments),
+    Verify(VerifyOptions),
     /// Measure what the rig's geometry hangs on.
     Calibrate(calibrate::Arguments),
     /// Study the method on bodies of known volume.
@@ -163,27 +187,6 @@ enum Command {
     /// The process in which a DSLR is driven; started by this program.
     #[command(hide = true)]
     CameraWorker,
-}
-
-/// What becomes of a picture that is no good.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Quality {
-    /// Take it again; where that does not help, suspend the run.
-    Gate,
-    /// Keep it and say so in the result.
-    Label,
-    /// Do not look.
-    Off,
-}
-
-impl From<Quality> for QualityMode {
-    fn from(quality: Quality) -> Self {
-        match quality {
-            Quality::Gate => Self::Gate,
-            Quality::Label => Self::Label,
-            Quality::Off => Self::Off,
-        }
-    }
 }
 
 /// Parses the command line and runs one command; 0 is success, 1 failure, 2 usage.
@@ -232,7 +235,7 @@ pub fn run() -> ExitCode {
         Command::Capture(a) => capture::run(common, &a),
         Command::Resume(a) => capture::resume(common, &a),
         Command::Replay(a) => reconstruct::replay(common, &a),
-        Command::Import(a) => import::run(common, a),
+        Command::Import(a) => import::run(common, &a),
         Command::Reconstruct(a) => reconstruct::run(common, &a),
         Command::Mesh(a) => mesh::run(common, &a),
         Command::Merge(a) => merge::run(common, &a),
@@ -241,7 +244,7 @@ pub fn run() -> ExitCode {
         Command::Show(a) => sessions::show(common, &a),
         Command::Rm(a) => sessions::rm(common, &a),
         Command::Verify(a) => verify::run(common, &a),
-        Command::Calibrate(a) => calibrate::run(common, a),
+        Command::Calibrate(a) => calibrate::run(common, &a),
         Command::Study(a) => study::run(common, &a),
         Command::Devices => devices::run(common),
         Command::Doctor => doctor::run(common),
@@ -305,16 +308,4 @@ fn kind(error: &anyhow::Error) -> ErrorKind {
 /// Marks an error as one of usage.
 fn usage(error: impl std::fmt::Display) -> anyhow::Error {
     Usage(error.to_string()).into()
-}
-
-/// The folder of a session: a plain name is looked for in the data folder first; anything else is a folder's
-/// path.
-fn session_folder(common: &Common, given: &Path) -> Result<PathBuf> {
-    match common.store().folder(given.to_str().unwrap_or("")) {
-        Ok(folder) if folder.exists() || !given.join("manifest.json").is_file() => Ok(folder),
-        Err(error) if !given.is_dir() => Err(error.into()),
-        // A link that a person names is that person's own; below it none is followed.
-        _ if given.is_symlink() => Ok(given.canonicalize()?),
-        _ => Ok(given.to_owned()),
-    }
 }

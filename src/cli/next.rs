@@ -1,7 +1,7 @@
 //! The command that a person will want next, as it can be typed where this one was.
 
 use super::{Common, DATA};
-use crate::daemon::Finished;
+use crate::jobs::Finished;
 use crate::session::Store;
 use grainrig_core::calibrate::FindingKind;
 use std::path::Path;

@@ -1,6 +1,6 @@
 //! What a person or a program reads: a reader that has gone away ends no job.
 
-use crate::daemon::ErrorKind as Kind;
+use crate::jobs::ErrorKind as Kind;
 use crate::session::to_json;
 use anyhow::{Context as _, Result};
 use std::fmt::Display;

@@ -1,7 +1,7 @@
 //! A progress bar on standard error: what is being done, how far it is, how long it takes.
 
 use super::output::say;
-use crate::daemon::Watcher;
+use crate::jobs::Watcher;
 use crate::session::event::{Event, Happening};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::{Arc, Mutex, PoisonError};

@@ -58,7 +58,7 @@ fn word(state: &Value) -> String {
 
 /// One session: what it was made with, how far it has come, its figures and files.
 pub(super) fn show(common: &Common, arguments: &ShowArguments) -> Result<()> {
-    let recording = Recording::read(&super::session_folder(common, &arguments.session)?)?;
+    let recording = Recording::read(&common.names().session(&arguments.session)?)?;
     let about = recording.about();
     if common.json {
         return print_json(&about);

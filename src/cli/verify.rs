@@ -2,21 +2,17 @@
 
 use super::Common;
 use super::output::{print, print_json, say};
+use super::progress::Progress;
+use crate::jobs::VerifyOptions;
 use crate::session::State;
 use anyhow::{Result, bail};
-use clap::Args;
-use std::path::PathBuf;
 
-/// Options of `verify`.
-#[derive(Debug, Args)]
-pub struct Arguments {
-    /// The session: its name in the data folder, or its folder's path.
-    session: PathBuf,
-}
-
-pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
-    let folder = super::session_folder(common, &arguments.session)?;
-    let report = crate::session::verify(&folder)?;
+pub(super) fn run(common: &Common, options: &VerifyOptions) -> Result<()> {
+    let progress = Progress::new();
+    let outcome = options.run(&common.context(&progress));
+    progress.finish();
+    let report = outcome?;
+    let folder = common.names().session(&options.session)?;
     if common.json {
         print_json(&report)?;
     }

@@ -38,20 +38,48 @@ use grainrig_core::mesh::MeshError;
 use grainrig_core::register::RegisterError;
 use grainrig_core::silhouette::SilhouetteError;
 
-/// Why there is no result.
+/// Why a view can't be used; whoever reads it knows which.
 #[derive(Debug, thiserror::Error)]
-pub enum PipelineError {
-    /// A picture could not be read.
-    #[error(
-        "view {view}: the picture ({bytes} bytes) cannot be decoded: {reason}; take the view again or remove it"
-    )]
+pub enum ViewFault {
+    /// Its picture could not be read.
+    #[error("the picture ({bytes} bytes) cannot be decoded: {reason}; take the view again or remove it")]
     Decode {
-        /// Index of the view.
-        view: usize,
         /// Size of the file.
         bytes: usize,
         /// What the decoder says.
         reason: String,
+    },
+    /// No silhouette in it.
+    #[error(transparent)]
+    Silhouette(#[from] SilhouetteError),
+    /// A grain that leaves the picture, where the whole grain is needed.
+    #[error(
+        "the grain reaches the {side} border of the picture, so part of it is not seen; centre the grain or use a smaller \
+         magnification"
+    )]
+    CutByBorder {
+        /// Which border.
+        side: &'static str,
+    },
+}
+
+impl ViewFault {
+    /// As the fault of a view.
+    pub fn of(self, view: usize) -> PipelineError {
+        PipelineError::View { view, fault: self }
+    }
+}
+
+/// Why there is no result.
+#[derive(Debug, thiserror::Error)]
+pub enum PipelineError {
+    /// A view that can't be used.
+    #[error("view {view}: {fault}")]
+    View {
+        /// Index of the view.
+        view: usize,
+        /// Why not.
+        fault: ViewFault,
     },
     /// A picture has another size than the first.
     #[error(
@@ -70,25 +98,9 @@ pub enum PipelineError {
         /// The first view's height.
         expected_height: usize,
     },
-    /// No silhouette in a view.
-    #[error("view {view}: {source}")]
-    Silhouette {
-        /// Index of the view.
-        view: usize,
-        /// Why.
-        source: SilhouetteError,
-    },
-    /// A grain that leaves the picture, where the whole grain is needed.
-    #[error(
-        "view {view}: the grain reaches the {side} border of the picture, so part of it is not seen; centre the grain \
-         or use a smaller magnification"
-    )]
-    CutByBorder {
-        /// Index of the view.
-        view: usize,
-        /// Which border.
-        side: &'static str,
-    },
+    /// A setting of the silhouettes makes no sense.
+    #[error(transparent)]
+    Silhouettes(SilhouetteError),
     /// A view has no camera.
     #[error("view {view} has no camera; {cameras} cameras were given")]
     NoCamera {

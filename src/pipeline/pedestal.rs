@@ -1,6 +1,6 @@
 //! All views are cut at the pedestal that they show together.
 
-use super::{Cameras, PipelineError, SegmentedView};
+use super::{Cameras, PipelineError, SegmentedView, ViewFault};
 use crate::session::event::Role;
 use grainrig_core::geometry::Point;
 use grainrig_core::silhouette::{PedestalConsensus, PedestalOutline, Side, pedestal_consensus};
@@ -53,7 +53,7 @@ pub(super) fn contact_patch(
 /// so do all where too few show a pedestal. The pedestal, and what a person should know.
 ///
 /// # Errors
-/// [`PipelineError::CutByBorder`] where a grain still reaches the picture's lower border.
+/// [`ViewFault::CutByBorder`] where a grain still reaches the picture's lower border.
 pub(super) fn recut(
     cameras: &Cameras,
     segmented: &mut [SegmentedView],
@@ -88,7 +88,7 @@ pub(super) fn recut(
     }
     let cut = segmented.iter().find(|t| t.role == Role::Grain && t.found.report.touches_border[3]);
     match cut {
-        Some(t) => Err(PipelineError::CutByBorder { view: t.index, side: Side::Bottom.name() }),
+        Some(t) => Err(ViewFault::CutByBorder { side: Side::Bottom.name() }.of(t.index)),
         None => Ok((consensus, warnings)),
     }
 }

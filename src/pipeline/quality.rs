@@ -116,11 +116,7 @@ impl<'a> Gate<'a> {
 /// An error of the pipeline without the view's name, which whoever reads it knows.
 fn cause(error: &PipelineError) -> String {
     match error {
-        PipelineError::Silhouette { source, .. } => source.to_string(),
-        PipelineError::CutByBorder { view, .. } | PipelineError::Decode { view, .. } => {
-            let text = error.to_string();
-            text.strip_prefix(&format!("view {view}: ")).map_or(text.clone(), str::to_owned)
-        }
+        PipelineError::View { fault, .. } => fault.to_string(),
         other => other.to_string(),
     }
 }

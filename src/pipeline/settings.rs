@@ -45,25 +45,37 @@ pub struct HullSettings {
     pub voxel_mm: Option<f64>,
 }
 
-/// The mesh's controls; what is absent follows from the grain's size.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+/// The mesh's controls; what is absent follows from the grain's size. One declaration: the command line, the configuration and
+/// HTTP have these names.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, utoipa::ToSchema, clap::Args)]
 #[serde(deny_unknown_fields, default)]
 pub struct MeshSettings {
-    /// Largest circumradius of a surface facet, mm.
+    /// Largest circumradius of a surface facet, mm; by default 0.034 of the grain's equivalent diameter.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub surface_size_mm: Option<f64>,
-    /// Smallest angle of a surface facet, degrees.
+    /// Smallest angle of a surface facet, degrees, up to 30; by default 25.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub facet_angle_deg: Option<f64>,
-    /// Largest volume of a tetrahedron, mm³.
+    /// Largest volume of a tetrahedron, mm³; by default what fits the surface's size.
+    #[arg(long, value_name = "MM3", allow_negative_numbers = true)]
     pub tet_volume_mm3: Option<f64>,
-    /// Largest distance between the mesh's surface and the hull's, mm.
+    /// Largest distance between the mesh's surface and the body's, either way, mm; by default none is promised.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub distance_mm: Option<f64>,
-    /// Largest circumradius of a surface facet where plates will touch the grain, mm.
+    /// Largest circumradius of a surface facet where plates will touch the grain, at its top and bottom, mm.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub size_at_contact_mm: Option<f64>,
-    /// How far below the highest and above the lowest place the contacts reach, mm.
+    /// How far the contacts reach below the highest and above the lowest place, mm; by default 2 % of the height.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, requires = "size_at_contact_mm")]
     pub contact_depth_mm: Option<f64>,
 }
 
 impl MeshSettings {
+    /// These, or `None` where nothing is set.
+    pub fn asked(&self) -> Option<&Self> {
+        (*self != Self::default()).then_some(self)
+    }
+
     /// These settings, and `base`'s where nothing is set here.
     #[must_use]
     pub fn over(&self, base: &Self) -> Self {
@@ -115,13 +127,15 @@ impl MeshSettings {
 }
 
 /// The unit in which given cameras measure the world.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, utoipa::ToSchema, clap::ValueEnum,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum LengthUnit {
     /// Millimetres.
     #[default]
     Mm,
-    /// No unit: shapes only; volumes and lengths are not stated.
+    /// None: shapes only, no volumes or lengths.
     None,
 }
 
@@ -235,7 +249,7 @@ impl Settings {
     /// # Errors
     /// [`PipelineError`] names the one that does not.
     pub fn check(&self) -> Result<(), PipelineError> {
-        self.silhouette.check().map_err(|source| PipelineError::Silhouette { view: 0, source })?;
+        self.silhouette.check().map_err(PipelineError::Silhouettes)?;
         if let Some(v) = self.hull.voxel_mm
             && !(v.is_finite() && v > 0.0)
         {

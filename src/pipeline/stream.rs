@@ -3,7 +3,7 @@
 use super::pedestal;
 use super::quality::compare;
 use super::reconstruct::{Reconstruction, SegmentedView, provisional_camera, reconstruct};
-use super::{Cameras, PipelineError, Settings};
+use super::{Cameras, PipelineError, Settings, ViewFault};
 use crate::session::event::{CapturedView, Happening, Role};
 use grainrig_core::calibrate::Turntable;
 use grainrig_core::formats::Photograph;
@@ -230,21 +230,18 @@ impl Pipeline {
     /// Decodes a picture, finds its silhouette and judges it. The view's index is for messages.
     pub(super) fn segment(&self, view: usize, bytes: &[u8]) -> Result<SegmentedPicture, PipelineError> {
         let start = Instant::now();
-        let picture = Photograph::open(bytes).map_err(|reason| PipelineError::Decode {
-            view,
-            bytes: bytes.len(),
-            reason,
-        })?;
+        let picture = Photograph::open(bytes)
+            .map_err(|reason| ViewFault::Decode { bytes: bytes.len(), reason }.of(view))?;
         let background = self.background.as_ref().map(|stage| stage as &dyn Source);
         let found = silhouette::find(&picture, background, &self.settings.silhouette)
-            .map_err(|source| PipelineError::Silhouette { view, source })?;
+            .map_err(|source| ViewFault::Silhouette(source).of(view))?;
         // Given cameras say what the picture covers; before a turntable the whole grain must be seen.
         if matches!(self.cameras, Cameras::Turntable(_)) {
             let sides = silhouette::Side::ALL.iter().zip(found.report.touches_border);
             // Whether a pedestal or the grain reaches the lower border is known when all views are in.
             let sides = sides.filter(|s| s.1 && *s.0 != silhouette::Side::Bottom);
             if let Some(side) = sides.map(|s| s.0.name()).next() {
-                return Err(PipelineError::CutByBorder { view, side });
+                return Err(ViewFault::CutByBorder { side }.of(view));
             }
         }
         let (quality, traits) = self

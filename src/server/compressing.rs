@@ -1,18 +1,19 @@
 //! Compressions over HTTP: begun, watched, cancelled, taken up again, their results read.
 
+use axum::Json;
 use axum::extract::rejection::{JsonRejection, PathRejection};
 use axum::extract::{Path, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use axum::routing::{get, post};
-use axum::{Json, Router};
 use serde::Serialize;
 use utoipa::ToSchema;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
 
 use super::error::{ErrorBody, ServerError};
 use super::routes::{App, FILE_NAME_LIMIT, SESSION_NAME_LIMIT, check_name, on_rig};
 use super::{Download, Refusal, schemas};
-use crate::daemon::CompressRequest;
+use crate::jobs::CompressRequest;
 use crate::session::event::{CompressionNews, CompressionState};
 use grainrig_core::contact::CurvePoint;
 
@@ -117,30 +118,24 @@ impl CompressionStatus {
     }
 }
 
-pub(super) fn routes() -> Router<App> {
-    Router::new()
-        .route("/sessions/{id}/compressions", get(list))
-        .route("/sessions/{id}/compressions", post(start))
-        .route("/sessions/{id}/compressions/{name}", get(one))
-        .route("/sessions/{id}/compressions/{name}/resume", post(resume))
-        .route("/sessions/{id}/compressions/{name}/files/{file}", get(file))
-        .route("/compressions/current/cancel", post(cancel))
+pub(super) fn routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
+        .routes(routes!(list, start))
+        .routes(routes!(one))
+        .routes(routes!(resume))
+        .routes(routes!(file))
+        .routes(routes!(cancel))
 }
 
 /// Begins to compress a complete session's grain between two plates, beside whatever the rig does.
-#[utoipa::path(post, path = "/api/v1/sessions/{id}/compressions", operation_id = "start_compression", tag = "compressions",
+#[utoipa::path(post, path = "/sessions/{id}/compressions", operation_id = "start_compression", tag = "compressions",
     params(("id" = String, Path, description = "Name of the session")),
     request_body = CompressRequest, responses(
     (status = 201, description = "The compression has begun", body = CompressionStarted,
      headers(("location" = String, description = "The compression"))),
     (status = 400, description = "The request makes no sense, or the session has no grain", body = ErrorBody),
-    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
-    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
-    (status = 403, description = "Sent by another site's page", body = ErrorBody),
     (status = 404, description = "No such session", body = ErrorBody),
     (status = 409, description = "Another compression goes on", body = ErrorBody),
-    (status = 413, description = "The body is too large", body = ErrorBody),
-    (status = 415, description = "The body is not JSON", body = ErrorBody),
 ))]
 pub(super) async fn start(
     State(app): State<App>,
@@ -160,11 +155,8 @@ pub(super) async fn start(
 }
 
 /// Stops the compression; what is computed stays, and it can go on.
-#[utoipa::path(post, path = "/api/v1/compressions/current/cancel", operation_id = "cancel_compression", tag = "compressions", responses(
+#[utoipa::path(post, path = "/compressions/current/cancel", operation_id = "cancel_compression", tag = "compressions", responses(
     (status = 204, description = "The compression will stop"),
-    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
-    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
-    (status = 403, description = "Sent by another site's page", body = ErrorBody),
     (status = 409, description = "There is no compression", body = ErrorBody),
 ))]
 pub(super) async fn cancel(State(app): State<App>) -> Result<StatusCode, ServerError> {
@@ -172,15 +164,12 @@ pub(super) async fn cancel(State(app): State<App>) -> Result<StatusCode, ServerE
 }
 
 /// Goes on with a compression that was cancelled or interrupted, from its last checkpoint.
-#[utoipa::path(post, path = "/api/v1/sessions/{id}/compressions/{name}/resume", operation_id = "resume_compression",
+#[utoipa::path(post, path = "/sessions/{id}/compressions/{name}/resume", operation_id = "resume_compression",
     tag = "compressions",
     params(("id" = String, Path, description = "Name of the session"),
            ("name" = String, Path, description = "Name of the compression")), responses(
     (status = 204, description = "The compression goes on"),
     (status = 400, description = "Not a name", body = ErrorBody),
-    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
-    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
-    (status = 403, description = "Sent by another site's page", body = ErrorBody),
     (status = 404, description = "No such compression", body = ErrorBody),
     (status = 409, description = "It is complete, or another one goes on", body = ErrorBody),
 ))]
@@ -193,12 +182,10 @@ pub(super) async fn resume(
 }
 
 /// The compressions of a session.
-#[utoipa::path(get, path = "/api/v1/sessions/{id}/compressions", operation_id = "compressions", tag = "compressions",
+#[utoipa::path(get, path = "/sessions/{id}/compressions", operation_id = "compressions", tag = "compressions",
     params(("id" = String, Path, description = "Name of the session")), responses(
     (status = 200, description = "The compressions", body = Vec<schemas::CompressionLine>),
     (status = 400, description = "Not a name", body = ErrorBody),
-    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
-    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 404, description = "No such session", body = ErrorBody),
 ))]
 pub(super) async fn list(
@@ -211,13 +198,11 @@ pub(super) async fn list(
 }
 
 /// One compression: how it stands, what was asked, its files and its result.
-#[utoipa::path(get, path = "/api/v1/sessions/{id}/compressions/{name}", operation_id = "compression", tag = "compressions",
+#[utoipa::path(get, path = "/sessions/{id}/compressions/{name}", operation_id = "compression", tag = "compressions",
     params(("id" = String, Path, description = "Name of the session"),
            ("name" = String, Path, description = "Name of the compression")), responses(
     (status = 200, description = "The compression", body = schemas::CompressionDetails),
     (status = 400, description = "Not a name", body = ErrorBody),
-    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
-    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 404, description = "No such compression", body = ErrorBody),
 ))]
 pub(super) async fn one(
@@ -229,7 +214,7 @@ pub(super) async fn one(
 }
 
 /// A file of a compression: its curve, a cut with the stresses, a mesh, a deck.
-#[utoipa::path(get, path = "/api/v1/sessions/{id}/compressions/{name}/files/{file}",
+#[utoipa::path(get, path = "/sessions/{id}/compressions/{name}/files/{file}",
     operation_id = "compression_file", tag = "compressions",
     params(("id" = String, Path, description = "Name of the session"),
            ("name" = String, Path, description = "Name of the compression"),
@@ -239,8 +224,6 @@ pub(super) async fn one(
      content_type = "application/octet-stream", body = schemas::FileBytes),
     (status = 304, description = "The client has it already"),
     (status = 400, description = "Not a name", body = ErrorBody),
-    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
-    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 404, description = "No such compression or file", body = ErrorBody),
 ))]
 pub(super) async fn file(

@@ -10,6 +10,7 @@ use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use utoipa::ToSchema;
 
+use super::files::FILE_LIMIT_BYTES;
 use super::guard::MIN_TOKEN_LENGTH;
 use super::routes::BODY_LIMIT_BYTES;
 
@@ -112,6 +113,11 @@ pub enum ServerError {
     /// A body that is too big.
     #[error("the body is larger than {BODY_LIMIT_BYTES} bytes; a run's settings are a few hundred")]
     TooLarge,
+    /// A file that is too big.
+    #[error(
+        "the file is larger than {FILE_LIMIT_BYTES} bytes; put it into the data folder by other means, or take the command line"
+    )]
+    FileTooLarge,
     /// A body, path or query that cannot be read.
     #[error("{message}")]
     Malformed {
@@ -171,7 +177,7 @@ impl ServerError {
             Self::ForeignOrigin { .. } => (StatusCode::FORBIDDEN, "forbidden"),
             Self::NoRoute => (StatusCode::NOT_FOUND, "not_found"),
             Self::WrongMethod => (StatusCode::METHOD_NOT_ALLOWED, "method"),
-            Self::TooLarge => (StatusCode::PAYLOAD_TOO_LARGE, "too_large"),
+            Self::TooLarge | Self::FileTooLarge => (StatusCode::PAYLOAD_TOO_LARGE, "too_large"),
             Self::NotJson => (StatusCode::UNSUPPORTED_MEDIA_TYPE, "not_json"),
             Self::ForeignHost { .. } => (StatusCode::MISDIRECTED_REQUEST, "foreign_host"),
             Self::Refused(refusal) => match refusal.kind {

@@ -14,6 +14,7 @@ use sha2::{Digest, Sha256};
 use subtle::ConstantTimeEq;
 
 use super::error::ServerError;
+use super::files::FILE_LIMIT_BYTES;
 use super::guesses::Guesses;
 use super::places::Ticket;
 use super::routes::BODY_LIMIT_BYTES;
@@ -230,11 +231,16 @@ fn admit(
     guard.check_guess(ticket, request)?;
     let length = headers.get(header::CONTENT_LENGTH).and_then(|value| value.to_str().ok());
     let length = length.map_or(Some(0), |length| length.parse::<usize>().ok());
-    if length.is_none_or(|length| length > BODY_LIMIT_BYTES) {
+    // A file has any type: no form can put one, and another site's script must ask first.
+    let is_file = request.method() == Method::PUT;
+    if is_file && length.is_some_and(|length| length > FILE_LIMIT_BYTES) {
+        return Err(ServerError::FileTooLarge);
+    }
+    if !is_file && length.is_none_or(|length| length > BODY_LIMIT_BYTES) {
         return Err(ServerError::TooLarge);
     }
     let has_body = length != Some(0) || headers.contains_key(header::TRANSFER_ENCODING);
-    if has_body && !request.method().is_safe() && !is_json(headers) {
+    if has_body && !is_file && !request.method().is_safe() && !is_json(headers) {
         return Err(ServerError::NotJson);
     }
     Ok(None)

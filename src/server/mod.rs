@@ -16,6 +16,7 @@ mod connection;
 mod download;
 mod error;
 mod feed;
+mod files;
 mod guard;
 mod guesses;
 mod jobs;
@@ -33,7 +34,8 @@ use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::daemon::ComputeRequest;
+use crate::acquire::QualityMode;
+use crate::jobs::Job;
 use serde::{Deserialize, Serialize};
 use tokio::net::TcpListener;
 use tokio::sync::watch;
@@ -43,8 +45,9 @@ pub use compressing::{CompressionStarted, CompressionStatus, Compressions};
 pub use download::{Content, Download};
 pub use error::{ErrorBody, ErrorText, Refusal, RefusalKind, ServerError};
 pub use feed::{EventFeed, KEPT_EVENTS, Snapshot, Subscription};
+pub use files::{Files, Upload};
 pub use guard::{MIN_TOKEN_LENGTH, check_bind};
-pub use jobs::{JobStarted, JobStatus};
+pub use jobs::JobStarted;
 pub use status::{HullPoint, RejectedPicture, RunState, Stage, Status, ViewVerdict, ViewWarning};
 
 /// How long open requests may take after the end was asked for.
@@ -52,7 +55,7 @@ const GRACE: Duration = Duration::from_secs(5);
 
 /// What the server drives. Its methods may block for a moment (they are called off the async threads),
 /// but not for the length of a run.
-pub trait Rig: Compressions {
+pub trait Rig: Compressions + Files {
     /// Where the run stands, at least as a [`Status`]; more may be added to it.
     fn status(&self) -> serde_json::Value {
         serde_json::json!(self.events().status())
@@ -83,7 +86,7 @@ pub trait Rig: Compressions {
     /// # Errors
     /// [`RefusalKind::Busy`] while another run goes on or where nothing is left to do, [`RefusalKind::NotFound`] where
     /// there is no such session.
-    fn resume_session(&self, id: &str) -> Result<RunStarted, Refusal>;
+    fn resume_session(&self, id: &str, quality: Option<QualityMode>) -> Result<RunStarted, Refusal>;
 
     /// Stops the run; what was captured stays.
     ///
@@ -117,6 +120,12 @@ pub trait Rig: Compressions {
     /// [`RefusalKind::NotFound`] when there is none of that name.
     fn session(&self, id: &str) -> Result<serde_json::Value, Refusal>;
 
+    /// Removes a session with everything in its folder.
+    ///
+    /// # Errors
+    /// [`RefusalKind::NotFound`] where there is none of that name, [`RefusalKind::Busy`] while somebody writes it or needs it.
+    fn remove_session(&self, id: &str) -> Result<(), Refusal>;
+
     /// A captured picture. `file` comes from the network: look it up in the session's own list, never join
     /// it to a path.
     ///
@@ -143,12 +152,15 @@ pub trait Rig: Compressions {
     /// [`RefusalKind::NotFound`] when the session does not list it.
     fn product(&self, id: &str, file: &str) -> Result<Download, Refusal>;
 
-    /// Begins a computation over recorded sessions, or lets it wait; its number.
+    /// Begins a job beside the rig, or lets it wait; its number.
     ///
     /// # Errors
     /// [`RefusalKind::Invalid`] for what makes no sense, [`RefusalKind::NotFound`] where there is no such session,
     /// [`RefusalKind::Busy`] where too many wait.
-    fn compute(&self, request: ComputeRequest) -> Result<u64, Refusal>;
+    fn compute(&self, job: Job) -> Result<u64, Refusal>;
+
+    /// What a job came to: what the command line prints for it under `--json`; `None` before its end and once it is long ago.
+    fn job_result(&self, job: u64) -> Option<serde_json::Value>;
 
     /// Takes a waiting computation out of the queue, or stops the one that goes on.
     ///
@@ -169,6 +181,12 @@ pub struct RunRequest {
     #[serde(alias = "name")]
     #[schema(min_length = 1, max_length = 64, pattern = "^[A-Za-z0-9][A-Za-z0-9._-]*$")]
     pub session: String,
+    /// Number of views over half a turn, instead of the configuration's; the step between them follows from it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub views: Option<u32>,
+    /// A file of a measured scale (`calibrate_scale`), whose pixel and camera distance are taken.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<String>,
     /// Settings that differ from the daemon's configuration for this run, by their name in it. The rig
     /// refuses those it does not know.
     #[serde(flatten)]

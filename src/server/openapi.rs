@@ -1,94 +1,39 @@
 //! The description of the API, for people and for generators of clients.
 
-use axum::Json;
+use std::sync::Arc;
+
+use axum::{Extension, Json, Router};
 use jiff::Timestamp;
 use serde::Serialize;
+use utoipa::openapi::schema::Ref;
 use utoipa::openapi::security::{ApiKey, ApiKeyValue, Http, HttpAuthScheme, SecurityScheme};
+use utoipa::openapi::{Content, RefOr, ResponseBuilder};
 use utoipa::{Modify, OpenApi, ToSchema};
+use utoipa_axum::router::OpenApiRouter;
 
-use super::error::{ErrorBody, ErrorText};
 use super::guard::COOKIE;
-use super::status::{HullPoint, RejectedPicture, RunState, Stage, Status, ViewVerdict, ViewWarning};
-use super::{
-    CompressionStarted, CompressionStatus, JobStarted, JobStatus, RunRequest, RunStarted, compressing, jobs,
-    routes, schemas, stream,
-};
-use crate::daemon::{CompressMaterial, CompressRequest, ComputeRequest};
-use crate::pipeline::MeshSettings;
+use super::routes::App;
 
 #[derive(OpenApi)]
 #[openapi(
     info(title = "grainrig", description = "Watch and drive the rig."),
     // Only a daemon that was given a token asks for one.
     security((), ("bearer" = []), ("cookie" = []), ("query" = [])),
-    modifiers(&Tokens),
-    paths(
-        routes::status,
-        routes::start,
-        routes::pause,
-        routes::resume,
-        routes::abort,
-        routes::devices,
-        routes::doctor,
-        routes::sessions,
-        routes::session,
-        routes::resume_session,
-        routes::frame,
-        routes::rejected,
-        routes::preview,
-        routes::product,
-        compressing::start,
-        compressing::cancel,
-        compressing::resume,
-        compressing::list,
-        compressing::one,
-        compressing::file,
-        jobs::list,
-        jobs::start,
-        jobs::cancel,
-        stream::events,
-        document
-    ),
-    components(schemas(
-        Status,
-        RunState,
-        HullPoint,
-        Stage,
-        ViewVerdict,
-        ViewWarning,
-        RejectedPicture,
-        RunRequest,
-        RunStarted,
-        CompressRequest,
-        CompressMaterial,
-        CompressionStarted,
-        CompressionStatus,
-        ComputeRequest,
-        MeshSettings,
-        JobStarted,
-        JobStatus,
-        ErrorBody,
-        ErrorText,
-        StreamedEvent,
-        routes::Part,
-        schemas::FileBytes,
-        schemas::SessionLine,
-        schemas::SessionDetails,
-        schemas::FrameLine,
-        schemas::ProductLine,
-        schemas::GrainResult,
-        schemas::HullFigures,
-        schemas::MeshFigures,
-        schemas::Device,
-        schemas::CheckFinding,
-        schemas::CompressionLine,
-        schemas::CompressionDetails,
-        schemas::CompressionFigures,
-        schemas::CompressionFile,
-        schemas::ForcePoint
-    ))
+    components(schemas(StreamedEvent))
 )]
 struct Description;
+
+/// The routes under the address of this version, and their description.
+pub(super) fn described(api: OpenApiRouter<App>) -> (Router<App>, utoipa::openapi::OpenApi) {
+    let all = OpenApiRouter::with_openapi(Description::openapi()).nest("/api/v1", api);
+    let (router, mut document) = all.split_for_parts();
+    Tokens.modify(&mut document);
+    Fences.modify(&mut document);
+    // What follows a slash is one name here.
+    let paths = std::mem::take(&mut document.paths.paths);
+    document.paths.paths = paths.into_iter().map(|(path, item)| (path.replace("{*", "{"), item)).collect();
+    (router, document)
+}
 
 /// The ways of showing the token.
 struct Tokens;
@@ -111,6 +56,36 @@ impl Modify for Tokens {
     }
 }
 
+/// What the guard may answer, whichever the operation.
+struct Fences;
+
+impl Modify for Fences {
+    fn modify(&self, document: &mut utoipa::openapi::OpenApi) {
+        let error = |what: &str| {
+            let body = Content::new(Some(Ref::from_schema_name("ErrorBody")));
+            ResponseBuilder::new().description(what).content("application/json", body).build()
+        };
+        for item in document.paths.paths.values_mut() {
+            let changing = [&mut item.post, &mut item.put, &mut item.delete].map(|o| (o, true));
+            for (operation, is_changing) in changing.into_iter().chain([(&mut item.get, false)]) {
+                let Some(operation) = operation else { continue };
+                let takes_json = matches!(&operation.request_body,
+                    Some(RefOr::T(body)) if body.content.contains_key("application/json"));
+                let answers = [
+                    ("401", "No token, or a wrong one", true),
+                    ("403", "Sent by another site's page", is_changing),
+                    ("413", "The body is too large", takes_json),
+                    ("415", "The body is not JSON", takes_json),
+                    ("429", "Too many wrong tokens", true),
+                ];
+                for (code, what, _) in answers.into_iter().filter(|(_, _, applies)| *applies) {
+                    operation.responses.responses.insert(code.into(), error(what).into());
+                }
+            }
+        }
+    }
+}
+
 /// What `data` holds in the event stream: these, and the fields of the kind.
 #[derive(Serialize, ToSchema)]
 pub(super) struct StreamedEvent {
@@ -125,11 +100,11 @@ pub(super) struct StreamedEvent {
 }
 
 /// This description.
-#[utoipa::path(get, path = "/api/v1/openapi.json", tag = "about", responses(
+#[utoipa::path(get, path = "/openapi.json", tag = "about", responses(
     (status = 200, description = "OpenAPI description", body = Object),
-    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
-    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
 ))]
-pub(super) async fn document() -> Json<utoipa::openapi::OpenApi> {
-    Json(Description::openapi())
+pub(super) async fn document(
+    Extension(document): Extension<Arc<utoipa::openapi::OpenApi>>,
+) -> Json<utoipa::openapi::OpenApi> {
+    Json(utoipa::openapi::OpenApi::clone(&document))
 }

@@ -7,20 +7,23 @@ use axum::extract::rejection::{JsonRejection, PathRejection, QueryRejection};
 use axum::extract::{DefaultBodyLimit, Path, Query, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use axum::routing::{get, post};
-use axum::{Json, Router, middleware};
+use axum::{Extension, Json, Router, middleware};
 use serde::Deserialize;
 use tokio::sync::watch;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::trace::TraceLayer;
 use utoipa::{IntoParams, ToSchema};
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
 
 use super::error::{ErrorBody, ServerError};
 use super::guard::{self, Guard, shortened};
 use super::status::Status;
 use super::{
-    Download, Refusal, Rig, RunRequest, RunStarted, assets, compressing, jobs, openapi, schemas, stream,
+    Download, Refusal, Rig, RunRequest, RunStarted, assets, compressing, files, jobs, openapi, schemas,
+    stream,
 };
+use crate::acquire::QualityMode;
 
 /// Largest body that is read.
 pub(super) const BODY_LIMIT_BYTES: usize = 64 * 1024;
@@ -40,31 +43,34 @@ pub(super) struct App {
 }
 
 pub(super) fn router(app: App) -> Router {
-    let api = Router::new()
-        .route("/status", get(status))
-        .route("/runs", post(start))
-        .route("/runs/current/pause", post(pause))
-        .route("/runs/current/resume", post(resume))
-        .route("/runs/current/abort", post(abort))
-        .route("/devices", get(devices))
-        .route("/doctor", post(doctor))
-        .route("/sessions", get(sessions))
-        .route("/sessions/{id}", get(session))
-        .route("/sessions/{id}/resume", post(resume_session))
-        .route("/sessions/{id}/frames/{file}", get(frame))
-        .route("/sessions/{id}/rejected/{view}", get(rejected))
-        .route("/sessions/{id}/previews/{file}", get(preview))
-        .route("/sessions/{id}/products/{file}", get(product))
+    let api = OpenApiRouter::new()
+        .routes(routes!(status))
+        .routes(routes!(start))
+        .routes(routes!(pause))
+        .routes(routes!(resume))
+        .routes(routes!(abort))
+        .routes(routes!(devices))
+        .routes(routes!(doctor))
+        .routes(routes!(sessions))
+        .routes(routes!(session, remove_session))
+        .routes(routes!(resume_session))
+        .routes(routes!(frame))
+        .routes(routes!(rejected))
+        .routes(routes!(preview))
+        .routes(routes!(product))
         .merge(compressing::routes())
         .merge(jobs::routes())
-        .route("/events", get(stream::events))
-        .route("/openapi.json", get(openapi::document));
+        .merge(files::routes())
+        .routes(routes!(stream::events))
+        .routes(routes!(openapi::document));
+    let (api, document) = openapi::described(api);
     // Path only: the query may hold the token.
     let trace = TraceLayer::new_for_http().make_span_with(|request: &axum::http::Request<_>| {
         tracing::debug_span!("request", method = %request.method(), path = request.uri().path())
     });
     Router::new()
-        .nest("/api/v1", api)
+        .merge(api)
+        .layer(Extension(Arc::new(document)))
         .merge(assets::routes())
         .fallback(async || ServerError::NoRoute)
         .method_not_allowed_fallback(async || ServerError::WrongMethod)
@@ -76,26 +82,19 @@ pub(super) fn router(app: App) -> Router {
 }
 
 /// Where the run stands.
-#[utoipa::path(get, path = "/api/v1/status", tag = "run", responses(
+#[utoipa::path(get, path = "/status", tag = "run", responses(
     (status = 200, description = "Where the run stands", body = Status),
-    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
-    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
 ))]
 pub(super) async fn status(State(app): State<App>) -> Result<Json<serde_json::Value>, ServerError> {
     on_rig(&app, |rig| Ok(rig.status())).await
 }
 
 /// Starts a run.
-#[utoipa::path(post, path = "/api/v1/runs", operation_id = "start_run", tag = "run", request_body = RunRequest, responses(
+#[utoipa::path(post, path = "/runs", operation_id = "start_run", tag = "run", request_body = RunRequest, responses(
     (status = 201, description = "The run has begun", body = RunStarted,
      headers(("location" = String, description = "The session"))),
     (status = 400, description = "The request makes no sense", body = ErrorBody),
-    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
-    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
-    (status = 403, description = "Sent by another site's page", body = ErrorBody),
     (status = 409, description = "The rig is busy", body = ErrorBody),
-    (status = 413, description = "The body is too large", body = ErrorBody),
-    (status = 415, description = "The body is not JSON", body = ErrorBody),
     (status = 507, description = "The disk is full", body = ErrorBody),
 ))]
 pub(super) async fn start(
@@ -114,11 +113,8 @@ pub(super) async fn start(
 }
 
 /// Pauses the run after the view being taken.
-#[utoipa::path(post, path = "/api/v1/runs/current/pause", operation_id = "pause_run", tag = "run", responses(
+#[utoipa::path(post, path = "/runs/current/pause", operation_id = "pause_run", tag = "run", responses(
     (status = 204, description = "The run will pause"),
-    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
-    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
-    (status = 403, description = "Sent by another site's page", body = ErrorBody),
     (status = 409, description = "There is nothing to pause", body = ErrorBody),
 ))]
 pub(super) async fn pause(State(app): State<App>) -> Result<StatusCode, ServerError> {
@@ -126,11 +122,8 @@ pub(super) async fn pause(State(app): State<App>) -> Result<StatusCode, ServerEr
 }
 
 /// Lets a paused run go on.
-#[utoipa::path(post, path = "/api/v1/runs/current/resume", operation_id = "resume_run", tag = "run", responses(
+#[utoipa::path(post, path = "/runs/current/resume", operation_id = "resume_run", tag = "run", responses(
     (status = 204, description = "The run goes on"),
-    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
-    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
-    (status = 403, description = "Sent by another site's page", body = ErrorBody),
     (status = 409, description = "No run is paused", body = ErrorBody),
 ))]
 pub(super) async fn resume(State(app): State<App>) -> Result<StatusCode, ServerError> {
@@ -138,11 +131,8 @@ pub(super) async fn resume(State(app): State<App>) -> Result<StatusCode, ServerE
 }
 
 /// Stops the run; what was captured stays.
-#[utoipa::path(post, path = "/api/v1/runs/current/abort", operation_id = "abort_run", tag = "run", responses(
+#[utoipa::path(post, path = "/runs/current/abort", operation_id = "abort_run", tag = "run", responses(
     (status = 204, description = "The run will stop"),
-    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
-    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
-    (status = 403, description = "Sent by another site's page", body = ErrorBody),
     (status = 409, description = "There is no run", body = ErrorBody),
 ))]
 pub(super) async fn abort(State(app): State<App>) -> Result<StatusCode, ServerError> {
@@ -150,21 +140,16 @@ pub(super) async fn abort(State(app): State<App>) -> Result<StatusCode, ServerEr
 }
 
 /// The devices that are there; none is opened.
-#[utoipa::path(get, path = "/api/v1/devices", tag = "rig", responses(
+#[utoipa::path(get, path = "/devices", tag = "rig", responses(
     (status = 200, description = "The devices", body = Vec<schemas::Device>),
-    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
-    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
 ))]
 pub(super) async fn devices(State(app): State<App>) -> Result<Json<serde_json::Value>, ServerError> {
     on_rig(&app, Rig::devices).await
 }
 
 /// Looks at everything that a run needs: the stage makes a step and comes back, the camera takes a picture.
-#[utoipa::path(post, path = "/api/v1/doctor", tag = "rig", responses(
+#[utoipa::path(post, path = "/doctor", tag = "rig", responses(
     (status = 200, description = "What was found", body = Vec<schemas::CheckFinding>),
-    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
-    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
-    (status = 403, description = "Sent by another site's page", body = ErrorBody),
     (status = 409, description = "The rig is busy", body = ErrorBody),
 ))]
 pub(super) async fn doctor(State(app): State<App>) -> Result<Json<serde_json::Value>, ServerError> {
@@ -172,22 +157,18 @@ pub(super) async fn doctor(State(app): State<App>) -> Result<Json<serde_json::Va
 }
 
 /// The sessions in the data folder.
-#[utoipa::path(get, path = "/api/v1/sessions", tag = "sessions", responses(
+#[utoipa::path(get, path = "/sessions", tag = "sessions", responses(
     (status = 200, description = "The sessions", body = Vec<schemas::SessionLine>),
-    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
-    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
 ))]
 pub(super) async fn sessions(State(app): State<App>) -> Result<Json<serde_json::Value>, ServerError> {
     on_rig(&app, Rig::sessions).await
 }
 
 /// One session: its manifest, its frames and its products.
-#[utoipa::path(get, path = "/api/v1/sessions/{id}", tag = "sessions",
+#[utoipa::path(get, path = "/sessions/{id}", tag = "sessions",
     params(("id" = String, Path, description = "Name of the session")), responses(
     (status = 200, description = "The session", body = schemas::SessionDetails),
     (status = 400, description = "Not a name", body = ErrorBody),
-    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
-    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 404, description = "No such session", body = ErrorBody),
 ))]
 pub(super) async fn session(
@@ -199,29 +180,52 @@ pub(super) async fn session(
     on_rig(&app, move |rig| rig.session(&id)).await
 }
 
-/// Goes on with a session that was aborted, interrupted or has failed: captures the views that are missing, and computes.
-#[utoipa::path(post, path = "/api/v1/sessions/{id}/resume", tag = "sessions",
+/// Removes a session with everything in its folder: it is there, or it is gone.
+#[utoipa::path(delete, path = "/sessions/{id}", operation_id = "remove_session", tag = "sessions",
     params(("id" = String, Path, description = "Name of the session")), responses(
+    (status = 204, description = "It is gone"),
+    (status = 400, description = "Not a name", body = ErrorBody),
+    (status = 404, description = "No such session", body = ErrorBody),
+    (status = 409, description = "It is being written, or a merged grain is made from it", body = ErrorBody),
+))]
+pub(super) async fn remove_session(
+    State(app): State<App>,
+    path: Result<Path<String>, PathRejection>,
+) -> Result<StatusCode, ServerError> {
+    let Path(id) = path?;
+    check_name("session", &id, SESSION_NAME_LIMIT)?;
+    on_rig(&app, move |rig| rig.remove_session(&id)).await.map(|_| StatusCode::NO_CONTENT)
+}
+
+/// How missing views are judged.
+#[derive(Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(super) struct Judged {
+    /// What becomes of a picture that is no good: `gate`, `label` or `off`; as the session's configuration says unless told.
+    quality: Option<QualityMode>,
+}
+
+/// Goes on with a session that was aborted, interrupted or has failed: captures the views that are missing, and computes.
+#[utoipa::path(post, path = "/sessions/{id}/resume", tag = "sessions",
+    params(("id" = String, Path, description = "Name of the session"), Judged), responses(
     (status = 201, description = "The run goes on", body = RunStarted),
     (status = 400, description = "Not a name", body = ErrorBody),
-    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
-    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
-    (status = 403, description = "Sent by another site's page", body = ErrorBody),
     (status = 404, description = "No such session", body = ErrorBody),
     (status = 409, description = "The rig is busy, or nothing is left to do", body = ErrorBody),
 ))]
 pub(super) async fn resume_session(
     State(app): State<App>,
     path: Result<Path<String>, PathRejection>,
+    query: Result<Query<Judged>, QueryRejection>,
 ) -> Result<Response, ServerError> {
-    let Path(id) = path?;
+    let (Path(id), Query(Judged { quality })) = (path?, query?);
     check_name("session", &id, SESSION_NAME_LIMIT)?;
-    let started = on_rig(&app, move |rig| rig.resume_session(&id)).await?;
+    let started = on_rig(&app, move |rig| rig.resume_session(&id, quality)).await?;
     Ok((StatusCode::CREATED, started).into_response())
 }
 
 /// A captured picture, byte for byte as the camera gave it.
-#[utoipa::path(get, path = "/api/v1/sessions/{id}/frames/{file}", tag = "sessions",
+#[utoipa::path(get, path = "/sessions/{id}/frames/{file}", tag = "sessions",
     params(("id" = String, Path, description = "Name of the session"),
            ("file" = String, Path, description = "Name of the frame")), responses(
     (status = 200, description = "The picture",
@@ -229,8 +233,6 @@ pub(super) async fn resume_session(
      content_type = "image/*", body = schemas::FileBytes),
     (status = 304, description = "The client has it already"),
     (status = 400, description = "Not a name", body = ErrorBody),
-    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
-    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 404, description = "No such session or frame", body = ErrorBody),
     (status = 500, description = "The file is not the one that was recorded", body = ErrorBody),
 ))]
@@ -263,7 +265,7 @@ pub(super) struct Of {
 }
 
 /// A captured picture made small for a screen: a JPEG of some ten kilobytes, at most 1280 pixels wide.
-#[utoipa::path(get, path = "/api/v1/sessions/{id}/previews/{file}", tag = "sessions",
+#[utoipa::path(get, path = "/sessions/{id}/previews/{file}", tag = "sessions",
     params(("id" = String, Path, description = "Name of the session"),
            ("file" = String, Path, description = "Name of the frame"), Of), responses(
     (status = 200, description = "The preview",
@@ -271,8 +273,6 @@ pub(super) struct Of {
      content_type = "image/jpeg", body = schemas::FileBytes),
     (status = 304, description = "The client has it already"),
     (status = 400, description = "Not a name, or `part` is neither", body = ErrorBody),
-    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
-    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 404, description = "No such session or frame", body = ErrorBody),
     (status = 500, description = "The file is not the one that was recorded", body = ErrorBody),
 ))]
@@ -288,7 +288,7 @@ pub(super) async fn preview(
 }
 
 /// The last picture of a view that was refused, as the camera gave it. It is no evidence: nothing vouches for its bytes.
-#[utoipa::path(get, path = "/api/v1/sessions/{id}/rejected/{view}", tag = "sessions",
+#[utoipa::path(get, path = "/sessions/{id}/rejected/{view}", tag = "sessions",
     params(("id" = String, Path, description = "Name of the session"),
            ("view" = usize, Path, description = "Index of the view")), responses(
     (status = 200, description = "The picture",
@@ -296,8 +296,6 @@ pub(super) async fn preview(
      content_type = "image/*", body = schemas::FileBytes),
     (status = 304, description = "The client has it already"),
     (status = 400, description = "Not a name, or no index", body = ErrorBody),
-    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
-    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 404, description = "No such session, or no refused picture of that view", body = ErrorBody),
 ))]
 pub(super) async fn rejected(
@@ -312,7 +310,7 @@ pub(super) async fn rejected(
 }
 
 /// A product: mesh, deck, figure or report.
-#[utoipa::path(get, path = "/api/v1/sessions/{id}/products/{file}", tag = "sessions",
+#[utoipa::path(get, path = "/sessions/{id}/products/{file}", tag = "sessions",
     params(("id" = String, Path, description = "Name of the session"),
            ("file" = String, Path, description = "Name of the product")), responses(
     (status = 200, description = "The product",
@@ -320,8 +318,6 @@ pub(super) async fn rejected(
      content_type = "application/octet-stream", body = schemas::FileBytes),
     (status = 304, description = "The client has it already"),
     (status = 400, description = "Not a name", body = ErrorBody),
-    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
-    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
     (status = 404, description = "No such session or product", body = ErrorBody),
     (status = 500, description = "The file is not the one that was recorded", body = ErrorBody),
 ))]

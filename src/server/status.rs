@@ -15,9 +15,9 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::compressing::CompressionStatus;
-use super::jobs::JobStatus;
+use super::jobs;
 use super::schemas::GrainResult;
-use crate::session::event::Happening;
+use crate::session::event::{Happening, JobNews};
 use grainrig_core::silhouette::Verdict;
 
 /// More warnings than this help nobody: a run has 26 views.
@@ -137,7 +137,7 @@ pub struct Status {
     /// The compression that goes on beside the runs, or the last one; `null` before the first.
     pub compression: Option<CompressionStatus>,
     /// The computations beside the rig that wait or go on, and the last ones that have ended, the newest last.
-    pub jobs: Vec<JobStatus>,
+    pub jobs: Vec<JobNews>,
 }
 
 impl Status {
@@ -216,7 +216,7 @@ impl Status {
             Happening::Compression(news) => {
                 self.compression = Some(CompressionStatus::after(self.compression.take(), news));
             }
-            Happening::Job(news) => JobStatus::apply(&mut self.jobs, news),
+            Happening::Job(news) => jobs::apply(&mut self.jobs, news),
         }
     }
 

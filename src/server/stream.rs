@@ -44,14 +44,12 @@ pub(super) struct After {
 /// once. One that says none, or one no longer kept, first gets a `snapshot`, whose data has the
 /// status and `seq`, the number of the last event in it. A stream ends after ten minutes, or when it must make room for others:
 /// come back with the last number.
-#[utoipa::path(get, path = "/api/v1/events", tag = "run",
+#[utoipa::path(get, path = "/events", tag = "run",
     params(After, ("last-event-id" = Option<u64>, Header, description = "The last event the client has")),
     responses(
     (status = 200, description = "The stream; each `data` is a StreamedEvent, or `seq` and `status` for `snapshot`",
      content_type = "text/event-stream", body = openapi::StreamedEvent),
     (status = 400, description = "`after` is no number", body = ErrorBody),
-    (status = 401, description = "No token, or a wrong one", body = ErrorBody),
-    (status = 429, description = "Too many wrong tokens", body = ErrorBody),
 ))]
 pub(super) async fn events(
     State(app): State<App>,

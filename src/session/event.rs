@@ -106,7 +106,7 @@ pub struct CompressionNews {
 }
 
 /// What a computation beside the rig does.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum JobKind {
     /// A session's hull and mesh again.
@@ -119,10 +119,18 @@ pub enum JobKind {
     Merge,
     /// A grain between two plates.
     Compress,
+    /// Photographs that become a session.
+    Import,
+    /// A body's mesh, as files.
+    Mesh,
+    /// The size of a pixel.
+    CalibrateScale,
+    /// The volume against the number of views.
+    Study,
 }
 
 /// How a computation beside the rig stands.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum JobState {
     /// Others come first.
@@ -140,15 +148,15 @@ pub enum JobState {
 }
 
 /// What is new of a computation beside the rig.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct JobNews {
     /// Its number since the program began, from 1.
     pub job: u64,
     /// What it does.
     pub kind: JobKind,
-    /// Name of the session whose results it makes.
+    /// The session whose results it makes, or the file or folder that it is about.
     pub session: String,
-    /// Of a compression: its name among the session's.
+    /// Of a session's compression: its name among the session's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
     /// How it stands.

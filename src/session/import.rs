@@ -20,7 +20,9 @@ use std::path::{Path, PathBuf};
 const CAMERAS_LIMIT: u64 = 64 << 20;
 
 /// Which way the grain turned, seen from above.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, utoipa::ToSchema, clap::ValueEnum,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum Rotation {
     /// Counter-clockwise: stage angles grow.

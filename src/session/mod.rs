@@ -17,6 +17,7 @@ pub mod cameras;
 mod disk;
 mod error;
 pub mod event;
+mod exchange;
 mod finite;
 mod hashes;
 pub mod import;
@@ -38,6 +39,7 @@ mod writer;
 
 pub use disk::{Held, LOCK, check_space, free_bytes, hold, sha256_hex, sha256_of, write_whole};
 pub use error::SessionError;
+pub use exchange::{Exchange, ExchangeName, ExchangedFile, NewFile};
 pub use finite::{EncodeError, check_finite, to_json, to_json_value};
 pub use hashes::{Hashes, Identity};
 pub use manifest::{Manifest, MergeSource, Origin, Plan, PlannedView, required_bytes};

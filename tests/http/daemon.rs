@@ -140,6 +140,16 @@ impl Daemon {
         (response.status().as_u16(), body)
     }
 
+    /// Puts a file beside the sessions.
+    pub fn put(&self, name: &str, bytes: &[u8]) -> u16 {
+        let request = client().put(self.url(&format!("/files/{name}")));
+        request.send(bytes).unwrap().status().as_u16()
+    }
+
+    pub fn delete(&self, path: &str) -> u16 {
+        client().delete(self.url(path)).call().unwrap().status().as_u16()
+    }
+
     /// Asks for a run with these settings otherwise than the configuration's.
     pub fn start(&self, name: &str, overrides: Value) -> (u16, Value) {
         let mut body = overrides;

@@ -13,7 +13,7 @@ const POSES: &str = "plan = { views = 12, steps_per_view = 16, settle_ms = 0 }\n
                      height = 270\nmm_per_px = 0.0075\n";
 
 /// A laboratory with complete sessions, each captured with these settings.
-fn lab(config: &str, sessions: &[(&str, Value)]) -> (Lab, Daemon) {
+pub fn lab(config: &str, sessions: &[(&str, Value)]) -> (Lab, Daemon) {
     let lab = Lab::new(config);
     let daemon = lab.serve();
     for (name, settings) in sessions {
@@ -24,14 +24,14 @@ fn lab(config: &str, sessions: &[(&str, Value)]) -> (Lab, Daemon) {
     (lab, daemon)
 }
 
-fn ask(daemon: &Daemon, request: &Value) -> u64 {
+pub fn ask(daemon: &Daemon, request: &Value) -> u64 {
     let (code, body) = daemon.post("/jobs", Some(request));
     assert_eq!(code, 202, "{body}");
     body["job"].as_u64().unwrap()
 }
 
 /// The news of a job up to its end.
-fn ended(stream: &mut Stream, job: u64) -> Vec<Value> {
+pub fn ended(stream: &mut Stream, job: u64) -> Vec<Value> {
     let mut news = Vec::new();
     loop {
         let message = stream.next().unwrap_or_else(|| panic!("the stream ended before job {job}: {news:#?}"));
@@ -46,7 +46,7 @@ fn ended(stream: &mut Stream, job: u64) -> Vec<Value> {
 }
 
 /// Does a job to its end; what is last told of it.
-fn done(daemon: &Daemon, request: &Value) -> Value {
+pub fn done(daemon: &Daemon, request: &Value) -> Value {
     let mut stream = daemon.events(None);
     let job = ask(daemon, request);
     let news = ended(&mut stream, job);

@@ -5,6 +5,7 @@ mod compressions;
 mod crowd;
 mod daemon;
 mod damage;
+mod doors;
 mod ending;
 mod hostile;
 mod jobs;

@@ -7,13 +7,14 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use grainrig::daemon::{CompressRequest, ComputeRequest};
+use grainrig::acquire::QualityMode;
+use grainrig::jobs::{CompressRequest, Job};
 use grainrig::server::{
-    CompressionStarted, Compressions, Content, Download, EventFeed, KEPT_EVENTS, Refusal, RefusalKind, Rig,
-    RunRequest, RunStarted, RunState, ServeOptions, serve,
+    CompressionStarted, Compressions, Content, Download, EventFeed, Files, KEPT_EVENTS, Refusal, RefusalKind,
+    Rig, RunRequest, RunStarted, RunState, ServeOptions, Upload, serve,
 };
 use grainrig::session::event::Happening;
-use grainrig::session::sha256_hex;
+use grainrig::session::{ExchangedFile, sha256_hex};
 use jiff::Timestamp;
 use serde_json::{Value, json};
 use tokio::sync::oneshot;
@@ -79,6 +80,47 @@ impl Compressions for FakeRig {
     }
 }
 
+/// One that keeps nothing.
+impl Files for FakeRig {
+    fn files(&self) -> Result<Vec<ExchangedFile>, Refusal> {
+        Ok(Vec::new())
+    }
+
+    fn file(&self, name: &str) -> Result<Download, Refusal> {
+        Err(Refusal::new(RefusalKind::NotFound, format!("there is no file `{name}`")))
+    }
+
+    fn put_file(&self, _: &str) -> Result<Box<dyn Upload>, Refusal> {
+        Ok(Box::new(Gone))
+    }
+
+    fn remove_file(&self, name: &str) -> Result<(), Refusal> {
+        self.file(name).map(drop)
+    }
+}
+
+struct Gone;
+
+impl io::Write for Gone {
+    fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
+        Ok(buf.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Upload for Gone {
+    fn finish(self: Box<Self>) -> Result<(), Refusal> {
+        Ok(())
+    }
+
+    fn refused(&self, error: &io::Error) -> Refusal {
+        Refusal::new(RefusalKind::Disk, error.to_string())
+    }
+}
+
 impl Rig for FakeRig {
     fn start(&self, request: RunRequest) -> Result<RunStarted, Refusal> {
         if request.session == "full" {
@@ -105,15 +147,19 @@ impl Rig for FakeRig {
         self.change(RunState::Paused, Happening::Resumed)
     }
 
-    fn compute(&self, _: ComputeRequest) -> Result<u64, Refusal> {
+    fn compute(&self, _: Job) -> Result<u64, Refusal> {
         Ok(1)
+    }
+
+    fn job_result(&self, _: u64) -> Option<Value> {
+        None
     }
 
     fn cancel_job(&self, job: u64) -> Result<(), Refusal> {
         Err(Refusal::new(RefusalKind::NotFound, format!("there is no computation {job}")))
     }
 
-    fn resume_session(&self, id: &str) -> Result<RunStarted, Refusal> {
+    fn resume_session(&self, id: &str, _: Option<QualityMode>) -> Result<RunStarted, Refusal> {
         self.session(id)?;
         Ok(RunStarted { session: id.into() })
     }
@@ -140,6 +186,10 @@ impl Rig for FakeRig {
             "panic" => panic!("{SECRET}"),
             _ => Err(Refusal::new(RefusalKind::NotFound, format!("there is no session `{id}`"))),
         }
+    }
+
+    fn remove_session(&self, id: &str) -> Result<(), Refusal> {
+        self.session(id).map(drop)
     }
 
     fn frame(&self, id: &str, file: &str) -> Result<Download, Refusal> {

@@ -1,0 +1,248 @@
+//! From what is given to a meshed grain at rest between the plates.
+
+use super::JobError;
+use crate::session::sha256_hex;
+use grainrig_core::contact::rest;
+use grainrig_core::geometry::{Aabb, Ball, ImplicitBody, Point, TriangleMesh, Vector};
+use grainrig_core::mesh::{Controls, Solid, TetMesh, mesh};
+use grainrig_core::plausible::{self, Doubt, share_of};
+use nalgebra::Rotation3;
+use serde::{Deserialize, Serialize};
+
+/// Elements where nobody says, over the diameter of a ball of the grain's volume.
+const SIZE: f64 = 1.0 / 14.0;
+/// Elements at the contacts, over the same: from the first, finer by a third each time, to the last, while there are not more
+/// tetrahedra than this. A grain on a flat side has much surface near the plate, a ball little.
+const AT_CONTACT: [f64; 2] = [1.0 / 28.0, 1.0 / 85.0];
+const TETRAHEDRA: usize = 120_000;
+const RESTING: &str = "laying the grain on the lower plate";
+
+/// The body to compress.
+#[derive(Debug, Clone)]
+pub enum CompressInput {
+    /// A sphere of this diameter, mm.
+    Sphere(f64),
+    /// A closed surface in mm, with its name.
+    Surface(TriangleMesh, String),
+    /// Tetrahedra in mm, with their name.
+    Mesh(TetMesh, String),
+}
+
+impl CompressInput {
+    pub(super) fn name(&self) -> String {
+        match self {
+            Self::Sphere(d) => format!("sphere of {d} mm"),
+            Self::Surface(_, name) | Self::Mesh(_, name) => name.clone(),
+        }
+    }
+
+    /// SHA-256 of the body itself, hexadecimal.
+    pub(super) fn sha256(&self) -> String {
+        match self {
+            Self::Sphere(d) => sha256_hex(&d.to_le_bytes()),
+            Self::Surface(surface, _) => {
+                let mut bytes = place_bytes(&surface.vertices);
+                bytes.extend(surface.triangles.iter().flatten().flat_map(|n| n.to_le_bytes()));
+                sha256_hex(&bytes)
+            }
+            Self::Mesh(mesh, _) => sha256_hex(&mesh_bytes(mesh)),
+        }
+    }
+}
+
+/// How the body is meshed and laid on the lower plate.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Placing {
+    /// Largest circumradius of a surface facet, mm.
+    pub size_mm: Option<f64>,
+    /// The same where the plates will touch, mm.
+    pub size_at_contact_mm: Option<f64>,
+    /// Turn about x, then y, then z, degrees, instead of coming to rest.
+    pub rotate_deg: Option<[f64; 3]>,
+}
+
+/// A meshed body between plates.
+pub(super) struct Placed {
+    pub mesh: TetMesh,
+    pub middle_mm: f64,
+    pub gap_mm: f64,
+    pub sphere_radius_mm: Option<f64>,
+    /// About x, then y, then z, degrees, as [`Placing::rotate_deg`].
+    pub turned_deg: [f64; 3],
+}
+
+/// What of a body's length, and of figures that have to do with it, no laboratory has.
+pub(super) fn doubts(input: &CompressInput, placing: &Placing, to_approach_mm: Option<f64>) -> Vec<Doubt> {
+    let longest = |points: &[Point]| Aabb::of(points.iter().copied()).map_or(0.0, |b| b.size().max());
+    let (body, long_mm) = match input {
+        CompressInput::Sphere(d) => (plausible::SPHERE, *d),
+        CompressInput::Surface(surface, _) => (plausible::GRAIN, longest(&surface.vertices)),
+        CompressInput::Mesh(mesh, _) => (plausible::GRAIN, longest(&mesh.nodes)),
+    };
+    let shares = [
+        ("size_mm", placing.size_mm, [1.0 / 3000.0, 1.0]),
+        ("size_at_contact_mm", placing.size_at_contact_mm, [1e-5, 1.0]),
+        ("to_approach_mm", to_approach_mm, [1e-7, 0.5]),
+    ];
+    let of_body = || format!("the body is {} mm long", plausible::figure(long_mm));
+    let of_shares = shares.into_iter().filter_map(|(name, value, share)| {
+        share_of(name, long_mm, share).doubt(value?).map(|d| d.so_that(of_body()))
+    });
+    body.doubt(long_mm).into_iter().chain(of_shares).collect()
+}
+
+/// `told` hears what is being done, and how much of that is done, 0 to 1.
+pub(super) fn placed(
+    input: &CompressInput,
+    placing: &Placing,
+    told: &mut dyn FnMut(&str, f64),
+) -> Result<Placed, JobError> {
+    match input {
+        CompressInput::Sphere(diameter) => {
+            let radius = 0.5 * diameter;
+            let ball = Ball { center: Point::origin(), radius_mm: radius };
+            let mesh = meshed(&ball, *diameter, placing, told)?;
+            // The plates begin where the sphere is, not its facets: what is between is no approach of theirs.
+            Ok(Placed {
+                mesh,
+                middle_mm: 0.0,
+                gap_mm: *diameter,
+                sphere_radius_mm: Some(radius),
+                turned_deg: [0.0; 3],
+            })
+        }
+        CompressInput::Surface(surface, _) => {
+            told(RESTING, 0.0);
+            let center = surface_center(surface);
+            let turn = turn(&surface.vertices, &center, placing);
+            let vertices = surface.vertices.iter().map(|p| Point::from(turn * (p - center))).collect();
+            let turned = TriangleMesh { vertices, triangles: surface.triangles.clone() };
+            let diameter_mm = (6.0 * turned.volume_mm3().abs() / std::f64::consts::PI).cbrt();
+            // The plates begin where the surface is. A mesh has no node on its summits and ends lower: by a few tenths of a
+            // micrometre, other ones at each size of the elements, and a stiff grain has its first newtons in such a way.
+            let ends = reach(&turned.vertices);
+            let solid = Solid::new(turned).map_err(JobError::Mesh)?;
+            Ok(between(meshed(&solid, diameter_mm, placing, told)?, ends, &turn))
+        }
+        CompressInput::Mesh(given, _) => {
+            told(RESTING, 0.0);
+            given.check().map_err(grainrig_core::contact::ContactError::Mesh)?;
+            let surface = given.surface();
+            let center = surface_center(&surface.triangles);
+            let turn = turn(&surface.triangles.vertices, &center, placing);
+            let nodes = given.nodes.iter().map(|p| Point::from(turn * (p - center))).collect();
+            let mesh = TetMesh::new(nodes, given.tets.clone());
+            let ends = reach(&mesh.nodes);
+            Ok(between(mesh, ends, &turn))
+        }
+    }
+}
+
+/// Fills a body that is about as large as a ball of this diameter.
+fn meshed(
+    body: &dyn ImplicitBody,
+    diameter_mm: f64,
+    placing: &Placing,
+    told: &mut dyn FnMut(&str, f64),
+) -> Result<TetMesh, JobError> {
+    let size = placing.size_mm.unwrap_or(SIZE * diameter_mm);
+    let with = |at_contact: f64, told: &mut dyn FnMut(&str, f64)| {
+        let phase = format!("meshing, {:.0} µm at the contacts", 1e3 * at_contact.min(size));
+        told(&phase, 0.0);
+        let controls = Controls {
+            surface_size_mm: size,
+            tet_volume_mm3: 0.5 * size.powi(3),
+            size_at_contact_mm: Some(at_contact),
+            ..Controls::for_size(diameter_mm)
+        };
+        mesh(body, &controls, &mut |done| told(&phase, done)).map_err(JobError::Mesh)
+    };
+    if let Some(asked) = placing.size_at_contact_mm {
+        return with(asked, told);
+    }
+    let mut at_contact = (AT_CONTACT[0] * diameter_mm).min(size);
+    let mut made = with(at_contact, told)?;
+    while at_contact > AT_CONTACT[1] * diameter_mm {
+        // Elements on the surface grow with the square of its fineness: what would be far too many is not tried.
+        if made.tets.len() * 3 / 2 > TETRAHEDRA {
+            break;
+        }
+        at_contact = (at_contact / 1.5).max(0.999 * AT_CONTACT[1] * diameter_mm);
+        let finer = with(at_contact, told)?;
+        if finer.tets.len() > TETRAHEDRA {
+            break;
+        }
+        made = finer;
+    }
+    Ok(made)
+}
+
+/// A mesh between plates at the lowest and the highest place of its body.
+fn between(mesh: TetMesh, (low, high): (f64, f64), turn: &Rotation3<f64>) -> Placed {
+    let (x, y, z) = turn.euler_angles();
+    let turned_deg = [x, y, z].map(f64::to_degrees);
+    Placed { mesh, middle_mm: 0.5 * (low + high), gap_mm: high - low, sphere_radius_mm: None, turned_deg }
+}
+
+fn turn(points: &[Point], center: &Point, placing: &Placing) -> Rotation3<f64> {
+    placing.rotate_deg.map_or_else(
+        || rest::rotation(points, center),
+        |deg| {
+            let [x, y, z] = deg.map(f64::to_radians);
+            Rotation3::from_euler_angles(x, y, z)
+        },
+    )
+}
+
+fn reach(points: &[Point]) -> (f64, f64) {
+    points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(p.z), h.max(p.z)))
+}
+
+/// The centre of the volume that a closed surface bounds.
+fn surface_center(surface: &TriangleMesh) -> Point {
+    let from = surface.bounds().map_or_else(Point::origin, |b| b.center());
+    let (mut sum, mut volume) = (Vector::zeros(), 0.0);
+    for t in 0..surface.triangles.len() {
+        let [a, b, c] = surface.corners(t).map(|p| p - from);
+        let six = a.dot(&b.cross(&c));
+        volume += six;
+        sum += (a + b + c) * (six / 4.0);
+    }
+    if volume > 0.0 { from + sum / volume } else { from }
+}
+
+fn place_bytes(places: &[Point]) -> Vec<u8> {
+    places.iter().flat_map(|p| [p.x, p.y, p.z]).flat_map(f64::to_le_bytes).collect()
+}
+
+/// The mesh, bit for bit: counts, places, node numbers.
+pub(super) fn mesh_bytes(mesh: &TetMesh) -> Vec<u8> {
+    let mut out = Vec::new();
+    out.extend((mesh.nodes.len() as u64).to_le_bytes());
+    out.extend((mesh.tets.len() as u64).to_le_bytes());
+    out.extend(place_bytes(&mesh.nodes));
+    out.extend(mesh.tets.iter().flatten().flat_map(|n| n.to_le_bytes()));
+    out
+}
+
+/// The mesh of such bytes.
+pub(super) fn mesh_from(bytes: &[u8]) -> Option<TetMesh> {
+    let (nodes, rest) = bytes.split_first_chunk::<8>()?;
+    let (tets, rest) = rest.split_first_chunk::<8>()?;
+    let (nodes, tets) = (u64::from_le_bytes(*nodes) as usize, u64::from_le_bytes(*tets) as usize);
+    if rest.len() != nodes.checked_mul(24)?.checked_add(tets.checked_mul(16)?)? {
+        return None;
+    }
+    let (places, numbers) = rest.split_at(24 * nodes);
+    let number = |b: &[u8]| f64::from_le_bytes(b.try_into().unwrap_or_default());
+    let nodes = places
+        .chunks_exact(24)
+        .map(|p| Point::new(number(&p[..8]), number(&p[8..16]), number(&p[16..])))
+        .collect();
+    let tets = numbers
+        .chunks_exact(16)
+        .map(|t| [0, 1, 2, 3].map(|k| u32::from_le_bytes(t[4 * k..4 * k + 4].try_into().unwrap_or_default())))
+        .collect();
+    Some(TetMesh::new(nodes, tets))
+}

@@ -1,0 +1,177 @@
+//! What a compression is made of and what comes out of it, as files and callers have it.
+
+use grainrig_core::contact::experiment::Reading;
+use grainrig_core::contact::{
+    Agreement, Contact, CurvePoint, Energy, HertzFit, Loading, Material, QuasiStatic, Sample, Transition,
+};
+use serde::{Deserialize, Serialize};
+
+/// What was asked, as `run.json` keeps it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CompressSettings {
+    /// Where the mesh is from.
+    pub source: String,
+    /// The material.
+    pub material: Material,
+    /// Coulomb's friction between plates and grain.
+    pub friction: f64,
+    /// How the plates move.
+    pub loading: Loading,
+    /// Height of the middle between the plates, mm, in the mesh's frame.
+    pub middle_mm: f64,
+    /// The plates' distance at the approach nought, mm.
+    pub gap_mm: f64,
+    /// The radius, where the body is a sphere, mm.
+    pub sphere_radius_mm: Option<f64>,
+    /// How the body was turned to come to rest, about x, then y, then z, degrees: what `--rotate-deg` takes.
+    pub placed_deg: [f64; 3],
+    /// The force at which `δ_i` is read, N.
+    pub transition_n: f64,
+    /// The force asked for, N, where the run goes on past it, to four times `transition_n`, so that `δ_i` is known to be the last
+    /// crossing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub goes_on_from_n: Option<f64>,
+    /// Whether figures that look like slips of unit are meant so.
+    #[serde(default)]
+    pub as_given: bool,
+    /// Which of them were taken so.
+    #[serde(default)]
+    pub taken_as_given: Vec<String>,
+}
+
+impl CompressSettings {
+    /// What a person should know of a run that goes on past the force asked for.
+    pub fn goes_on(&self) -> Option<String> {
+        let (asked_n, to_n) = self.goes_on_from_n.zip(self.loading.to_force_n)?;
+        Some(format!(
+            "pressed past the {asked_n} N asked for to {to_n} N, four times the transition's {} N: from there on the force counts as \
+             known not to fall below it again (--to-approach-mm stops anywhere)",
+            self.transition_n
+        ))
+    }
+}
+
+/// The figures of a compression.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CompressResult {
+    /// What was asked.
+    pub settings: CompressSettings,
+    /// Whether the force or the approach asked for was reached.
+    pub finished: bool,
+    /// Force against the approach of the plates.
+    pub curve: Vec<CurvePoint>,
+    /// The approach at which the force passes `settings.transition_n` for the last time, mm; `transition` says whether it is known
+    /// that it is the last.
+    pub delta_i_mm: Option<f64>,
+    /// How `delta_i_mm` was read.
+    #[serde(default)]
+    pub transition: Option<Transition>,
+    /// Hertz' law fitted after `δ_i`; an elastic grain's alone.
+    pub hertz: Option<HertzFit>,
+    /// For an elastic sphere that both plates carry, the last force over that of the two-plate form.
+    pub over_two_plate_form: Option<f64>,
+    /// Tetrahedra.
+    pub elements: usize,
+    /// Nodes.
+    pub nodes: usize,
+    /// Steps done.
+    pub steps: u64,
+    /// The last time step, s.
+    pub step_s: f64,
+    /// Mass that scaling added, over the grain's.
+    pub added_mass: f64,
+    /// Computing time, of all parts of an interrupted run, s.
+    pub wall_s: f64,
+    /// The energies at the end, N·mm.
+    pub energy: EnergyResult,
+    /// The share of motion.
+    pub quasi_static: Option<QuasiStatic>,
+    /// How far the grain has turned, degrees.
+    pub rotation_deg: f64,
+    /// How far nodes are beyond a plate, mm: contact is exact.
+    pub overclosure_mm: f64,
+    /// The laboratory's test, where one was given: how it was read, and how well the computed curve agrees with it.
+    #[serde(default)]
+    pub experiment: Option<ExperimentResult>,
+    /// Every contact that there was.
+    pub contacts: Vec<Contact>,
+    /// What a person should know.
+    pub warnings: Vec<String>,
+    /// What is in the folder.
+    pub files: Vec<String>,
+}
+
+/// Energies, N·mm.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct EnergyResult {
+    /// Of motion.
+    pub kinetic: f64,
+    /// Stored and taken by plastic flow.
+    pub internal: f64,
+    /// Work of the plates.
+    pub external: f64,
+    /// Unaccounted energy over the plates' work; none before the contacts have formed, when there is hardly any.
+    pub balance_error: Option<f64>,
+    /// Taken by plastic flow.
+    pub plastic: f64,
+    /// Taken by bulk viscosity.
+    pub viscous: f64,
+    /// Taken by damping.
+    pub damping: f64,
+    /// Taken by friction.
+    pub friction: f64,
+    /// Lost by nodes that met a plate.
+    pub impact: f64,
+}
+
+impl EnergyResult {
+    /// The energies at the end of a compression whose contacts have formed or not.
+    pub(super) fn of(e: &Energy, formed: bool) -> Self {
+        Self {
+            kinetic: e.kinetic,
+            internal: e.internal(),
+            external: e.external,
+            balance_error: formed.then(|| e.balance_error()),
+            plastic: e.plastic,
+            viscous: e.viscous,
+            damping: e.damping,
+            friction: e.friction,
+            impact: e.impact,
+        }
+    }
+}
+
+/// A laboratory's test beside a compression.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ExperimentResult {
+    /// The export's file.
+    pub file: String,
+    /// What was read off it, and how.
+    #[serde(flatten)]
+    pub reading: Reading,
+    /// How well the computed curve agrees with it; none where they have no approach in common.
+    pub agreement: Option<Agreement>,
+}
+
+/// A curve to be drawn beside the computed one.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OtherCurve {
+    /// Its name.
+    pub name: String,
+    /// The curve.
+    pub points: Vec<CurvePoint>,
+    /// Where it was measured: the file, and how it was read.
+    pub measured: Option<(String, Reading)>,
+}
+
+/// How far a compression is.
+#[derive(Debug, Clone, Copy)]
+pub struct CompressProgress<'a> {
+    /// From 0 to 1.
+    pub done: f64,
+    /// About how much longer, s.
+    pub left_s: Option<f64>,
+    /// The newest sample.
+    pub sample: &'a Sample,
+}

@@ -1,0 +1,99 @@
+//! Everything that the program does for somebody, in one form: options that the command line, HTTP and a person's own program
+//! state alike, run against one [`Context`], to one outcome or one error.
+//!
+//! ```text
+//!  grainrig NAME …   ─▶ options ─▶ run(context), in the foreground            ─▶ a person's words, or --json
+//!  POST /api/v1/jobs ─▶ Job     ─▶ a slot: the rig's, or the one beside it    ─▶ GET /api/v1/jobs/{n}
+//! ```
+
+mod background;
+mod compressing;
+mod devices;
+mod doctor;
+mod error;
+mod finish;
+mod focus;
+mod host;
+mod importing;
+mod kind;
+mod live;
+mod merging;
+mod mesh_files;
+mod meshing;
+mod names;
+mod preview;
+mod recompute;
+mod recorded;
+mod scale_file;
+mod scaling;
+mod slot;
+mod studying;
+
+pub use background::{Background, BackgroundError};
+pub use compressing::{
+    Claim, CompressDetails, CompressFile, CompressHost, CompressInput, CompressLine, CompressMaterial,
+    CompressOptions, CompressProgress, CompressRequest, CompressResult, CompressSettings, CompressState,
+    Compression, EnergyResult, ExperimentResult, OtherCurve, Placing, experiment_lines, transition_line,
+};
+pub use devices::{DeviceLine, devices};
+pub use doctor::{Finding, Health, doctor};
+pub use error::JobError;
+pub use finish::{Finished, RESULT};
+pub use focus::{Focused, focus};
+pub use host::Host;
+pub use importing::{ImportGeometry, ImportOptions, import};
+pub use kind::ErrorKind;
+pub use live::{CaptureOptions, ResumeOptions, Resumed, capture, resume};
+pub use merging::{MergeOptions, merge};
+pub use mesh_files::{Unit, ending as file_ending};
+pub use meshing::{MeshOptions, MeshPreset, Meshed, MeshedFile};
+pub use names::Names;
+pub use preview::{Preview, PreviewPart, Previews};
+pub use recompute::Job;
+pub use recorded::{ReconstructOptions, ReplayOptions, Replayed, VerifyOptions, reconstruct, replay};
+pub use scale_file::{BodyKind, GivenScale, PictureScale, ScaleFile};
+pub use scaling::{Angles, ScaleOptions, ScaleRequest, calibrate_scale};
+pub use studying::{Studied, StudyOptions};
+
+use crate::config::Config;
+use crate::session::event::{Event, Happening};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// The program and its version, as files name what made them.
+const SOFTWARE: &str = concat!("grainrig ", env!("CARGO_PKG_VERSION"));
+
+/// Told of every event of a job, in order. Called while the session is held: it must not block.
+pub type Watcher = Arc<dyn Fn(&Event) + Send + Sync>;
+
+/// What a job has of its surroundings, whoever asked for it.
+#[derive(Clone)]
+pub struct Context {
+    /// Where the names in its options lead.
+    pub names: Names,
+    /// What a new session is made with.
+    pub config: Config,
+    /// Take figures as they are that look like slips of unit.
+    pub as_given: bool,
+    /// Told of every event.
+    pub watcher: Watcher,
+    /// Set where it is to stop, if it can in its middle.
+    pub stop: Arc<AtomicBool>,
+}
+
+impl Context {
+    /// Tells what is being done, and how much of that is done, 0 to 1.
+    pub(crate) fn working(&self, stage: &str, done: f64) {
+        let what = Happening::Working { stage: stage.into(), done };
+        (self.watcher)(&Event { seq: 0, time: jiff::Timestamp::now(), what });
+    }
+}
+
+/// What came of a job on a thread of its own; in words what went wrong, `defect` where it panicked.
+fn ended<T, E: std::fmt::Display>(defect: &str, job: impl FnOnce() -> Result<T, E>) -> Result<T, String> {
+    match catch_unwind(AssertUnwindSafe(job)) {
+        Ok(ended) => ended.map_err(|error| error.to_string()),
+        Err(_) => Err(defect.to_owned()),
+    }
+}
