@@ -121,7 +121,6 @@ impl VerifyOptions {
     /// # Errors
     /// [`JobError`] where it can't be read; faults are none.
     pub fn run(&self, context: &Context) -> Result<VerifyReport, JobError> {
-        context.working("reading every file", 0.0);
         Ok(verify(&context.names.session(&self.session)?)?)
     }
 }
