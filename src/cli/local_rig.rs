@@ -14,10 +14,16 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Settings that belong to whoever runs the daemon: how it is reached, its hardware with its limits, and files of its
-/// computer.
-const NOT_A_CLIENTS: [&str; 7] =
-    ["/serve", "/rig", "/controller", "/grbl", "/gphoto2", "/v4l2", "/simulated/grain_stl"];
+/// Settings that belong to whoever runs the daemon, as JSON pointers: how it is reached, its hardware with its limits, and files
+/// of its computer.
+fn fixed() -> Vec<String> {
+    let config = Config::default();
+    let of_drivers = config
+        .drivers()
+        .into_iter()
+        .flat_map(|(name, driver)| driver.fixed().iter().map(move |key| format!("/{name}{key}")));
+    ["/serve", "/rig"].map(String::from).into_iter().chain(of_drivers).collect()
+}
 
 /// The host as the server sees it.
 pub(super) struct LocalRig {
@@ -113,7 +119,7 @@ impl LocalRig {
 impl Rig for LocalRig {
     fn start(&self, request: RunRequest) -> Result<RunStarted, Refusal> {
         let overrides = Value::Object(request.overrides.into_iter().collect());
-        if let Some(key) = NOT_A_CLIENTS.iter().find(|key| overrides.pointer(key).is_some()) {
+        if let Some(key) = fixed().into_iter().find(|key| overrides.pointer(key).is_some()) {
             let key = key[1..].replace('/', ".");
             let message = format!("{key} is no setting of a run; set it in the daemon's configuration file");
             return Err(Refusal::new(RefusalKind::Invalid, message));
