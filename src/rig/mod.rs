@@ -6,6 +6,7 @@
 pub mod controller;
 pub mod discovery;
 pub mod driver;
+pub mod folder;
 pub mod gphoto;
 pub mod grbl;
 mod holder;
@@ -29,6 +30,8 @@ macro_rules! drivers {
                 gphoto2: $crate::rig::gphoto::Settings,
                 /// A video camera by V4L2.
                 v4l2: $crate::rig::v4l::Settings,
+                /// A folder that another program saves pictures to.
+                folder: $crate::rig::folder::Settings,
             }
             stages {
                 /// A board with grainrig's firmware (`firmware/`), set in `[controller]`.
@@ -47,6 +50,8 @@ macro_rules! drivers {
                 Gphoto2 = gphoto2,
                 /// A video camera, set in `[v4l2]`.
                 V4l2 = v4l2,
+                /// A camera whose pictures another program saves, set in `[folder]`.
+                Folder = folder,
             }
         }
     };
