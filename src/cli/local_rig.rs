@@ -2,13 +2,13 @@
 
 use crate::config::Config;
 use crate::daemon::{
-    Background, CompressHost, ComputeRequest, DaemonError, ErrorKind, Host, HostError, PreviewPart, Previews,
-    Watcher,
+    Background, CompressHost, ComputeRequest, DaemonError, ErrorKind, Host, HostError, NewsWatcher,
+    PreviewPart, Previews, Watcher,
 };
 use crate::server::{
     Content, Download, EventFeed, KEPT_EVENTS, Refusal, RefusalKind, Rig, RunRequest, RunStarted,
 };
-use crate::session::event::{CompressionNews, Event, Happening, JobNews};
+use crate::session::event::{CompressionNews, Event, Happening, JobNews, News};
 use crate::session::{Hashes, Recording, SessionError, Summary, sha256_hex};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -46,20 +46,19 @@ impl LocalRig {
         let watcher: Watcher = Arc::new(move |event: &Event| {
             let what = match &event.what {
                 Happening::Failed { error } => Happening::Failed { error: hide.hidden(error) },
-                Happening::Compression(news) => {
-                    let error = news.error.as_deref().map(|error| hide.hidden(error));
-                    Happening::Compression(CompressionNews { error, ..news.clone() })
-                }
-                Happening::Job(news) => {
-                    let error = news.error.as_deref().map(|error| hide.hidden(error));
-                    Happening::Job(JobNews { error, ..news.clone() })
-                }
                 what => what.clone(),
             };
             push.push(what, event.time);
         });
-        let background = Arc::new(Background::new(Arc::clone(&watcher)));
-        let compressing = CompressHost::new(data, Arc::clone(&background), Arc::clone(&watcher));
+        let (push, hide) = (feed.clone(), places.clone());
+        let news: NewsWatcher = Arc::new(move |mut news| {
+            let (News::Compression(CompressionNews { error, .. }) | News::Job(JobNews { error, .. })) =
+                &mut news;
+            *error = error.as_deref().map(|error| hide.hidden(error));
+            push.push(news, jiff::Timestamp::now());
+        });
+        let background = Arc::new(Background::new(Arc::clone(&news)));
+        let compressing = CompressHost::new(data, Arc::clone(&background), news);
         Self {
             background,
             compressing: Arc::new(compressing),

@@ -4,8 +4,8 @@
 //! core that it wants; what is computed does not depend on either.
 
 use super::slot::{NotTaken, Over, Slot};
-use super::{DaemonError, Watcher, ended};
-use crate::session::event::{Event, Happening, JobKind, JobNews, JobState};
+use super::{DaemonError, NewsWatcher, ended};
+use crate::session::event::{JobKind, JobNews, JobState, News};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -101,13 +101,13 @@ impl Stopped {
 /// Computes jobs, one at a time.
 pub struct Background {
     slot: Slot<Numbered>,
-    watcher: Watcher,
+    watcher: NewsWatcher,
     next: AtomicU64,
 }
 
 impl Background {
     /// A place for jobs; `watcher` is told how each stands.
-    pub fn new(watcher: Watcher) -> Self {
+    pub fn new(watcher: NewsWatcher) -> Self {
         Self { slot: Slot::new("computation", MOST_WAITING), watcher, next: AtomicU64::new(1) }
     }
 
@@ -194,13 +194,13 @@ impl Background {
 /// Tells the watcher of one job.
 #[derive(Clone)]
 pub(super) struct Teller {
-    watcher: Watcher,
+    watcher: NewsWatcher,
     next: JobNews,
     told: Option<Instant>,
 }
 
 impl Teller {
-    fn new(job: u64, about: &About, watcher: Watcher) -> Self {
+    fn new(job: u64, about: &About, watcher: NewsWatcher) -> Self {
         let next = JobNews {
             job,
             kind: about.kind,
@@ -240,8 +240,7 @@ impl Teller {
     }
 
     fn tell(&mut self) {
-        let what = Happening::Job(self.next.clone());
-        (self.watcher)(&Event { seq: 0, time: jiff::Timestamp::now(), what });
+        (self.watcher)(News::Job(self.next.clone()));
         self.told = Some(Instant::now());
     }
 }

@@ -44,7 +44,7 @@ use crate::acquire::AcquireError;
 use crate::config::ConfigError;
 use crate::pipeline::PipelineError;
 use crate::rig::RigError;
-use crate::session::event::Event;
+use crate::session::event::{Event, News};
 use crate::session::{Fault, SessionError};
 use grainrig_core::calibrate::ScaleError;
 use grainrig_core::contact::ContactError;
@@ -55,6 +55,9 @@ use std::sync::Arc;
 
 /// Told of every event of a job, in order. Called while the session is held: it must not block.
 pub type Watcher = Arc<dyn Fn(&Event) + Send + Sync>;
+
+/// Told of what goes on beside the runs. It must not block.
+pub type NewsWatcher = Arc<dyn Fn(News) + Send + Sync>;
 
 /// What came of a job on a thread of its own; in words what went wrong, `defect` where it panicked.
 fn ended<T, E: std::fmt::Display>(defect: &str, job: impl FnOnce() -> Result<T, E>) -> Result<T, String> {

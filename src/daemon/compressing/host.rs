@@ -12,7 +12,7 @@ use super::of_session::{claim_of, grain};
 use super::shelf::{Active, details, list, open};
 use super::{Claim, CompressDetails, CompressLine, CompressRequest, DaemonError, RUN};
 use crate::daemon::background::{About, Background};
-use crate::daemon::{BackgroundError, ErrorKind, Watcher};
+use crate::daemon::{BackgroundError, ErrorKind, NewsWatcher};
 use crate::session::event::JobKind;
 use crate::session::{SessionError, Store, hold};
 use std::fs::File;
@@ -54,14 +54,14 @@ impl From<SessionError> for CompressError {
 /// Computes compressions in the background, and knows those that are there.
 pub struct CompressHost {
     store: Store,
-    watcher: Watcher,
+    watcher: NewsWatcher,
     background: Arc<Background>,
     remembered: Arc<Remembered>,
 }
 
 impl CompressHost {
     /// A host of the compressions in a data folder; `watcher` is told of each one's news.
-    pub fn new(data: &Path, background: Arc<Background>, watcher: Watcher) -> Self {
+    pub fn new(data: &Path, background: Arc<Background>, watcher: NewsWatcher) -> Self {
         let remembered = Arc::new(Remembered::new(data));
         Self { store: Store::new(data), watcher, background, remembered }
     }
