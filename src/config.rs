@@ -2,47 +2,66 @@
 
 use crate::acquire::{AcquireSettings, PlanSettings};
 use crate::pipeline::{self, HullSettings, MeshSettings, ReportSettings, TurntableSettings};
-use crate::rig;
+use crate::rig::{CameraDriver, Driver, StageDriver};
 use grainrig_core::plausible::{self, Doubt};
 use grainrig_core::silhouette;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// Everything that a person may set.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Config {
-    /// Whether figures that look like slips of unit (a pixel of 4.3 mm) are meant so.
-    pub as_given: bool,
-    /// Which devices turn and photograph the grain.
-    pub rig: RigSettings,
-    /// How many views, how far apart.
-    pub plan: PlanSettings,
-    /// What becomes of pictures that are no good.
-    pub acquire: AcquireSettings,
-    /// What is known of the camera.
-    pub optics: TurntableSettings,
-    /// How the grain is told from pedestal and background.
-    pub silhouette: silhouette::Settings,
-    /// How finely the hull is measured.
-    pub hull: HullSettings,
-    /// The mesh's three controls.
-    pub mesh: MeshSettings,
-    /// What is drawn for a person's eye.
-    pub report: ReportSettings,
-    /// The simulated rig.
-    pub simulated: rig::simulated::Settings,
-    /// The stepper controller with grainrig's firmware.
-    pub controller: rig::controller::Settings,
-    /// A board with GRBL.
-    pub grbl: rig::grbl::Settings,
-    /// A DSLR by libgphoto2.
-    pub gphoto2: rig::gphoto::Settings,
-    /// A video camera by V4L2.
-    pub v4l2: rig::v4l::Settings,
-    /// The web service.
-    pub serve: ServeSettings,
+pub use crate::rig::{CameraKind, StageKind};
+
+/// Makes the configuration with a section for each driver of the rig's table, and what finds the driver of a kind.
+macro_rules! config {
+    (
+        sections { $($(#[$about:meta])* $section:ident: $settings:ty,)* }
+        stages { $($(#[$_of_stage:meta])* $Stage:ident = $stage:ident,)* }
+        cameras { $($(#[$_of_camera:meta])* $Camera:ident = $camera:ident,)* }
+    ) => {
+        /// Everything that a person may set.
+        #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+        #[serde(deny_unknown_fields, default)]
+        pub struct Config {
+            /// Whether figures that look like slips of unit (a pixel of 4.3 mm) are meant so.
+            pub as_given: bool,
+            /// Which devices turn and photograph the grain.
+            pub rig: RigSettings,
+            /// How many views, how far apart.
+            pub plan: PlanSettings,
+            /// What becomes of pictures that are no good.
+            pub acquire: AcquireSettings,
+            /// What is known of the camera.
+            pub optics: TurntableSettings,
+            /// How the grain is told from pedestal and background.
+            pub silhouette: silhouette::Settings,
+            /// How finely the hull is measured.
+            pub hull: HullSettings,
+            /// The mesh's three controls.
+            pub mesh: MeshSettings,
+            /// What is drawn for a person's eye.
+            pub report: ReportSettings,
+            $($(#[$about])* pub $section: $settings,)*
+            /// The web service.
+            pub serve: ServeSettings,
+        }
+
+        impl Config {
+            fn stage_of(&self, kind: StageKind) -> &dyn StageDriver {
+                match kind { $(StageKind::$Stage => &self.$stage,)* }
+            }
+
+            fn camera_of(&self, kind: CameraKind) -> &dyn CameraDriver {
+                match kind { $(CameraKind::$Camera => &self.$camera,)* }
+            }
+
+            /// Every section that sets a driver, by its name.
+            pub fn drivers(&self) -> Vec<(&'static str, &dyn Driver)> {
+                vec![$((stringify!($section), &self.$section),)*]
+            }
+        }
+    };
 }
+
+crate::rig::drivers!(config);
 
 /// Which devices turn and photograph the grain.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -67,32 +86,6 @@ pub enum RigKind {
     Simulated,
     /// A stage and a camera of this world.
     Hardware,
-}
-
-/// What turns the grain.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum StageKind {
-    /// A board with grainrig's firmware (`firmware/`), set in `[controller]`.
-    #[default]
-    Controller,
-    /// A board with GRBL 1.1, set in `[grbl]`.
-    Grbl,
-    /// The simulated stage, which turns nothing: to try a camera out.
-    Simulated,
-}
-
-/// What photographs the grain.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum CameraKind {
-    /// The simulated camera, which sees the grain at the angle that the stage says it reached: to try a stage out.
-    #[default]
-    Simulated,
-    /// A DSLR, set in `[gphoto2]`.
-    Gphoto2,
-    /// A video camera, set in `[v4l2]`.
-    V4l2,
 }
 
 /// What releases a DSLR's shutter.
@@ -179,10 +172,9 @@ impl Config {
         self.plan.check().map_err(said)?;
         self.optics.check().map_err(said)?;
         self.computation().check().map_err(said)?;
-        match self.rig.kind {
-            RigKind::Simulated => self.simulated.check().map_err(said),
-            RigKind::Hardware => self.check_hardware(),
-        }?;
+        self.stage().check().map_err(said)?;
+        self.check_release()?;
+        self.camera().check().map_err(said)?;
         plausible::settle(doubts, self.as_given).map(|_| ()).map_err(said)
     }
 
@@ -192,39 +184,59 @@ impl Config {
         let mut doubts = self.optics.doubts();
         doubts.extend(plausible::VIEW_STEP.doubt(turn));
         doubts.extend(self.hull.voxel_mm.and_then(|v| plausible::VOXEL.doubt(v)));
-        let is_simulated = self.rig.kind == RigKind::Simulated || self.rig.camera == CameraKind::Simulated;
-        if is_simulated {
-            let s = &self.simulated;
-            doubts.extend(plausible::GRAIN_SIZE.doubt(s.grain_size_mm));
-            doubts.extend(s.sphere_diameter_mm.and_then(|d| plausible::SPHERE.doubt(d)));
-            doubts.extend(plausible::MM_PER_PX.named("simulated.mm_per_px").doubt(s.mm_per_px));
-            let distance = plausible::CAMERA_DISTANCE.named("simulated.camera_distance_mm");
-            doubts.extend(s.camera_distance_mm.and_then(|d| distance.doubt(d)));
-        }
+        doubts.extend(self.camera().doubts());
         doubts
     }
 
-    fn check_hardware(&self) -> Result<(), ConfigError> {
-        match self.rig.stage {
-            StageKind::Controller => self.controller.check().map_err(ConfigError::Value)?,
-            StageKind::Grbl => self.grbl.check().map_err(ConfigError::Value)?,
-            StageKind::Simulated => self.simulated.check().map_err(|e| ConfigError::Value(e.to_string()))?,
+    /// Which kind of driver turns the grain.
+    pub fn stage_kind(&self) -> StageKind {
+        match self.rig.kind {
+            RigKind::Simulated => StageKind::Simulated,
+            RigKind::Hardware => self.rig.stage,
         }
-        let rig = &self.rig;
-        if rig.release == Release::Controller
-            && (rig.stage, rig.camera) != (StageKind::Controller, CameraKind::Gphoto2)
-        {
-            return Err(ConfigError::Value(
-                "rig.release is \"controller\", which needs stage = \"controller\" and camera = \"gphoto2\"; set \"camera\""
-                    .into(),
-            ));
+    }
+
+    /// Which kind of driver photographs it.
+    pub fn camera_kind(&self) -> CameraKind {
+        match self.rig.kind {
+            RigKind::Simulated => CameraKind::Simulated,
+            RigKind::Hardware => self.rig.camera,
         }
-        match self.rig.camera {
-            CameraKind::Simulated => self.simulated.check(),
-            CameraKind::Gphoto2 => self.gphoto2.check(),
-            CameraKind::V4l2 => self.v4l2.check(),
+    }
+
+    /// What turns the grain.
+    pub fn stage(&self) -> &dyn StageDriver {
+        self.stage_of(self.stage_kind())
+    }
+
+    /// What photographs it.
+    pub fn camera(&self) -> &dyn CameraDriver {
+        self.camera_of(self.camera_kind())
+    }
+
+    /// Every driver that could turn the grain, by its name.
+    pub fn stages(&self) -> impl Iterator<Item = (&'static str, &dyn StageDriver)> {
+        StageKind::ALL.iter().map(|kind| (kind.name(), self.stage_of(*kind)))
+    }
+
+    /// Every driver that could photograph the grain, by its name.
+    pub fn cameras(&self) -> impl Iterator<Item = (&'static str, &dyn CameraDriver)> {
+        CameraKind::ALL.iter().map(|kind| (kind.name(), self.camera_of(*kind)))
+    }
+
+    /// Whether the stage can release the camera, where it is to.
+    fn check_release(&self) -> Result<(), ConfigError> {
+        let of_stage = self.rig.kind == RigKind::Hardware && self.rig.release == Release::Controller;
+        if !of_stage || (self.stage().has_release() && self.camera().takes_release()) {
+            return Ok(());
         }
-        .map_err(|e| ConfigError::Value(e.to_string()))
+        let stages = self.stages().filter(|(_, d)| d.has_release()).map(|(name, _)| format!("{name:?}"));
+        let cameras = self.cameras().filter(|(_, d)| d.takes_release()).map(|(name, _)| format!("{name:?}"));
+        Err(ConfigError::Value(format!(
+            "rig.release is \"controller\", which needs stage = {} and camera = {}; set \"camera\"",
+            stages.collect::<Vec<_>>().join(" or "),
+            cameras.collect::<Vec<_>>().join(" or "),
+        )))
     }
 
     /// This configuration with some keys set otherwise, for one run: `{"plan": {"views": 50}}`.
@@ -330,5 +342,20 @@ mod tests {
         for part in ["bad.toml", "line 2", "`vews`", "did you mean `views`?"] {
             assert!(text.contains(part), "{part} is missing: {text}");
         }
+    }
+
+    #[test]
+    fn a_driver_is_called_the_same_wherever_it_is_named() {
+        let config = serde_json::to_value(Config::default()).unwrap();
+        let named = |kind: serde_json::Value, name: &str| {
+            assert_eq!(kind, name);
+            assert!(config.get(name).is_some_and(serde_json::Value::is_object), "no section {name}");
+        };
+        StageKind::ALL.iter().for_each(|k| named(serde_json::to_value(k).unwrap(), k.name()));
+        CameraKind::ALL.iter().for_each(|k| named(serde_json::to_value(k).unwrap(), k.name()));
+        // And every section sets something.
+        let kinds = StageKind::ALL.iter().map(|k| k.name()).chain(CameraKind::ALL.iter().map(|k| k.name()));
+        let kinds: Vec<&str> = kinds.collect();
+        assert!(Config::default().drivers().iter().all(|(name, _)| kinds.contains(name)));
     }
 }

@@ -3,21 +3,28 @@
 use crate::acquire::QualityMode;
 use crate::config::Config;
 use crate::jobs::{
-    Background, CaptureOptions, CompressHost, ErrorKind, Host, Job, JobError, PreviewPart, Previews, Watcher,
+    Background, CaptureOptions, CompressHost, ErrorKind, Host, Job, JobError, NewsWatcher, PreviewPart,
+    Previews, Watcher,
 };
 use crate::server::{
     Content, Download, EventFeed, KEPT_EVENTS, Refusal, RefusalKind, Rig, RunRequest, RunStarted,
 };
-use crate::session::event::{CompressionNews, Event, Happening, JobNews};
+use crate::session::event::{CompressionNews, Event, Happening, JobNews, News};
 use crate::session::{Exchange, Hashes, Recording, SessionError, Summary, remove, sha256_hex};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Settings that belong to whoever runs the daemon: how it is reached, its hardware with its limits, and files of its
-/// computer.
-const NOT_A_CLIENTS: [&str; 7] =
-    ["/serve", "/rig", "/controller", "/grbl", "/gphoto2", "/v4l2", "/simulated/grain_stl"];
+/// Settings that belong to whoever runs the daemon, as JSON pointers: how it is reached, its hardware with its limits, and files
+/// of its computer.
+fn fixed() -> Vec<String> {
+    let config = Config::default();
+    let of_drivers = config
+        .drivers()
+        .into_iter()
+        .flat_map(|(name, driver)| driver.fixed().iter().map(move |key| format!("/{name}{key}")));
+    ["/serve", "/rig"].map(String::from).into_iter().chain(of_drivers).collect()
+}
 
 /// The host as the server sees it.
 pub(super) struct LocalRig {
@@ -40,20 +47,19 @@ impl LocalRig {
         let watcher: Watcher = Arc::new(move |event: &Event| {
             let what = match &event.what {
                 Happening::Failed { error } => Happening::Failed { error: hide.hidden(error) },
-                Happening::Compression(news) => {
-                    let error = news.error.as_deref().map(|error| hide.hidden(error));
-                    Happening::Compression(CompressionNews { error, ..news.clone() })
-                }
-                Happening::Job(news) => {
-                    let error = news.error.as_deref().map(|error| hide.hidden(error));
-                    Happening::Job(JobNews { error, ..news.clone() })
-                }
                 what => what.clone(),
             };
             push.push(what, event.time);
         });
-        let background = Arc::new(Background::new(Arc::clone(&watcher)));
-        let compressing = CompressHost::new(data, Arc::clone(&background), Arc::clone(&watcher));
+        let (push, hide) = (feed.clone(), places.clone());
+        let news: NewsWatcher = Arc::new(move |mut news| {
+            let (News::Compression(CompressionNews { error, .. }) | News::Job(JobNews { error, .. })) =
+                &mut news;
+            *error = error.as_deref().map(|error| hide.hidden(error));
+            push.push(news, jiff::Timestamp::now());
+        });
+        let background = Arc::new(Background::new(Arc::clone(&news)));
+        let compressing = CompressHost::new(data, Arc::clone(&background), news);
         Self {
             background,
             compressing: Arc::new(compressing),
@@ -111,7 +117,7 @@ impl LocalRig {
 impl Rig for LocalRig {
     fn start(&self, request: RunRequest) -> Result<RunStarted, Refusal> {
         let overrides = Value::Object(request.overrides.into_iter().collect());
-        if let Some(key) = NOT_A_CLIENTS.iter().find(|key| overrides.pointer(key).is_some()) {
+        if let Some(key) = fixed().into_iter().find(|key| overrides.pointer(key).is_some()) {
             let key = key[1..].replace('/', ".");
             let message = format!("{key} is no setting of a run; set it in the daemon's configuration file");
             return Err(Refusal::new(RefusalKind::Invalid, message));

@@ -35,15 +35,22 @@ use progress::Progress;
 use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 /// The version, with the drivers of cameras that were built in.
-const VERSION: &str = match (cfg!(feature = "gphoto2"), cfg!(feature = "v4l")) {
-    (true, true) => concat!(env!("CARGO_PKG_VERSION"), " (cameras: gphoto2, v4l2)"),
-    (true, false) => concat!(env!("CARGO_PKG_VERSION"), " (cameras: gphoto2)"),
-    (false, true) => concat!(env!("CARGO_PKG_VERSION"), " (cameras: v4l2)"),
-    (false, false) => concat!(env!("CARGO_PKG_VERSION"), " (built without drivers of cameras)"),
-};
+static VERSION: LazyLock<String> = LazyLock::new(|| {
+    let config = Config::default();
+    let cameras: Vec<&str> = config
+        .cameras()
+        .filter(|(_, driver)| driver.built_in() == Some(true))
+        .map(|(name, _)| name)
+        .collect();
+    let about = match &cameras[..] {
+        [] => "built without drivers of cameras".to_owned(),
+        cameras => format!("cameras: {}", cameras.join(", ")),
+    };
+    format!("{} ({about})", env!("CARGO_PKG_VERSION"))
+});
 
 /// Turns a stepper, a camera and a sand grain into a numerical grain.
 ///
@@ -55,7 +62,7 @@ const VERSION: &str = match (cfg!(feature = "gphoto2"), cfg!(feature = "v4l")) {
 ///   grainrig calibrate scale balls --ball-diameter-mm 2 --out scale.json
 ///   grainrig serve                      the monitor on <http://127.0.0.1:7272/>
 #[derive(Debug, Parser)]
-#[command(name = "grainrig", version = VERSION, verbatim_doc_comment)]
+#[command(name = "grainrig", version = VERSION.as_str(), verbatim_doc_comment)]
 #[command(arg_required_else_help = true, after_help = help::ALL)]
 pub struct Cli {
     #[command(flatten)]

@@ -4,8 +4,8 @@
 //! core that it wants; what is computed does not depend on either.
 
 use super::slot::{NotTaken, Over, Slot};
-use super::{JobError, Watcher, ended};
-use crate::session::event::{Event, Happening, JobKind, JobNews, JobState};
+use super::{JobError, NewsWatcher, ended};
+use crate::session::event::{JobKind, JobNews, JobState, News};
 use serde_json::Value;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -105,7 +105,7 @@ impl Stopped {
 /// Computes jobs, one at a time.
 pub struct Background {
     slot: Slot<Numbered>,
-    watcher: Watcher,
+    watcher: NewsWatcher,
     next: AtomicU64,
     results: Results,
 }
@@ -115,7 +115,7 @@ type Results = Arc<Mutex<VecDeque<(u64, Value)>>>;
 
 impl Background {
     /// A place for jobs; `watcher` is told how each stands.
-    pub fn new(watcher: Watcher) -> Self {
+    pub fn new(watcher: NewsWatcher) -> Self {
         Self {
             slot: Slot::new("computation", MOST_WAITING),
             watcher,
@@ -214,14 +214,14 @@ impl Background {
 /// Tells the watcher of one job.
 #[derive(Clone)]
 pub(super) struct Teller {
-    watcher: Watcher,
+    watcher: NewsWatcher,
     results: Results,
     next: JobNews,
     told: Option<Instant>,
 }
 
 impl Teller {
-    fn new(job: u64, about: &About, watcher: Watcher, results: Results) -> Self {
+    fn new(job: u64, about: &About, watcher: NewsWatcher, results: Results) -> Self {
         let next = JobNews {
             job,
             kind: about.kind,
@@ -270,8 +270,7 @@ impl Teller {
     }
 
     fn tell(&mut self) {
-        let what = Happening::Job(self.next.clone());
-        (self.watcher)(&Event { seq: 0, time: jiff::Timestamp::now(), what });
+        (self.watcher)(News::Job(self.next.clone()));
         self.told = Some(Instant::now());
     }
 }

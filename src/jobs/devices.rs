@@ -1,11 +1,10 @@
 //! The rig of a configuration, opened; and what is there to be opened.
 
-use crate::config::{CameraKind, Config, Release, RigKind, StageKind};
-use crate::rig::discovery::{Role, discover};
-use crate::rig::gphoto::{GphotoCamera, Launch};
-use crate::rig::simulated::{self, Before, TruthHandle};
-use crate::rig::v4l::V4lCamera;
-use crate::rig::{Camera, RigError, RotationStage, controller, grbl};
+use crate::config::{Config, Release, RigKind};
+use crate::rig::discovery::{Found, Role, discover};
+use crate::rig::driver::{OpenCamera, OpenStage};
+use crate::rig::simulated;
+use crate::rig::{Before, Camera, RigError, RotationStage, TruthHandle};
 use crate::session::Recording;
 use crate::session::event::Happening;
 use grainrig_core::geometry::Angle;
@@ -47,55 +46,24 @@ pub(super) fn before(recording: &Recording) -> Before {
 /// The same, of a session that is taken up after what it has had the rig do before: a simulated one's faults go on from
 /// there.
 pub(super) fn take_up(config: &Config, before: Before) -> Result<Rig, RigError> {
-    match config.rig.kind {
-        RigKind::Simulated => {
-            let (stage, camera, truth) = simulated::take_up(&config.simulated, before)?;
-            Ok(Rig { stage: Box::new(stage), camera: Box::new(camera), truth: Some(truth) })
-        }
-        RigKind::Hardware => {
-            let mut shutter = None;
-            let stage: Box<dyn RotationStage> = match config.rig.stage {
-                StageKind::Controller => {
-                    let stage = controller::open(&config.controller)?;
-                    shutter = (config.rig.release == Release::Controller).then(|| stage.shutter());
-                    Box::new(stage)
-                }
-                StageKind::Grbl => Box::new(grbl::open(&config.grbl)?),
-                StageKind::Simulated => Box::new(simulated::take_up(&config.simulated, before)?.0),
-            };
-            match config.rig.camera {
-                CameraKind::Simulated => {
-                    let (_, camera, truth) = simulated::take_up(&config.simulated, before)?;
-                    let stage = Seen { stage, truth: truth.clone() };
-                    Ok(Rig { stage: Box::new(stage), camera: Box::new(camera), truth: Some(truth) })
-                }
-                CameraKind::Gphoto2 => {
-                    let mut camera = GphotoCamera::open(&config.gphoto2, Launch::this_program())?;
-                    if let Some(shutter) = shutter {
-                        camera = camera.released_by(shutter);
-                    }
-                    Ok(Rig { stage, camera: Box::new(camera), truth: None })
-                }
-                CameraKind::V4l2 => {
-                    let camera = Box::new(V4lCamera::open(&config.v4l2)?);
-                    Ok(Rig { stage, camera, truth: None })
-                }
-            }
-        }
+    if config.rig.kind == RigKind::Simulated {
+        // One rig and not two devices: its camera sees where the motor truly stands.
+        let (stage, camera, truth) = simulated::take_up(&config.simulated, before)?;
+        return Ok(Rig { stage: Box::new(stage), camera: Box::new(camera), truth: Some(truth) });
     }
+    let OpenStage { stage, shutter } = config.stage().open(before)?;
+    let shutter = shutter.filter(|_| config.rig.release == Release::Controller);
+    let OpenCamera { camera, truth } = config.camera().open(before, shutter)?;
+    let stage = match &truth {
+        Some(truth) => Box::new(Seen { stage, truth: truth.clone() }),
+        None => stage,
+    };
+    Ok(Rig { stage, camera, truth })
 }
 
 /// Opens the camera alone: nothing turns.
 pub(super) fn open_camera(config: &Config) -> Result<Box<dyn Camera>, RigError> {
-    let kind = match config.rig.kind {
-        RigKind::Simulated => CameraKind::Simulated,
-        RigKind::Hardware => config.rig.camera,
-    };
-    Ok(match kind {
-        CameraKind::Simulated => Box::new(simulated::open(&config.simulated)?.1),
-        CameraKind::Gphoto2 => Box::new(GphotoCamera::open(&config.gphoto2, Launch::this_program())?),
-        CameraKind::V4l2 => Box::new(V4lCamera::open(&config.v4l2)?),
-    })
+    Ok(config.camera().open(Before::default(), None)?.camera)
 }
 
 /// A stage that the simulated camera sees turn.
@@ -134,8 +102,8 @@ impl RotationStage for Seen {
 pub struct DeviceLine {
     /// `stage` or `camera`.
     pub role: Role,
-    /// The driver that it is for.
-    pub driver: &'static str,
+    /// The driver that it is for, or several.
+    pub driver: String,
     /// As it describes itself.
     pub name: String,
     /// Its device file; none of the simulated ones.
@@ -153,48 +121,19 @@ pub struct DeviceLine {
 /// # Errors
 /// [`RigError`] where the simulated rig can't be set up.
 pub fn devices(config: &Config) -> Result<Vec<DeviceLine>, RigError> {
-    let (stage, camera, _) = simulated::open(&config.simulated)?;
-    let hardware = config.rig.kind == RigKind::Hardware;
-    let simulated = |role, name, configured| DeviceLine {
-        role,
-        driver: "simulated",
-        name,
-        path: None,
-        permitted: true,
-        held_by: None,
-        configured,
+    let [stage, camera] = [config.stage_kind().name(), config.camera_kind().name()];
+    let found = discover(config.stages(), config.cameras(), Path::new("/"))?;
+    let line = |found: Found| DeviceLine {
+        configured: match found.role {
+            Role::Stage => found.drivers.contains(&stage) && config.stage().means(&found),
+            Role::Camera => found.drivers.contains(&camera) && config.camera().means(&found),
+        },
+        role: found.role,
+        driver: found.drivers.join(" or "),
+        name: found.name,
+        path: found.path,
+        permitted: found.permitted,
+        held_by: found.held_by,
     };
-    let mut all = vec![
-        simulated(Role::Stage, stage.describe(), !hardware || config.rig.stage == StageKind::Simulated),
-        simulated(Role::Camera, camera.describe(), !hardware || config.rig.camera == CameraKind::Simulated),
-    ];
-    let same = |found: &Path, named: &Path| {
-        found == named || found.canonicalize().is_ok_and(|p| named.canonicalize().is_ok_and(|q| p == q))
-    };
-    all.extend(discover(Path::new("/")).into_iter().map(|found| {
-        let configured = hardware
-            && match found.driver {
-                "gphoto2" => config.rig.camera == CameraKind::Gphoto2,
-                "v4l2" => {
-                    let named = &config.v4l2.device;
-                    config.rig.camera == CameraKind::V4l2
-                        && (named.as_os_str().is_empty() || same(&found.path, named))
-                }
-                _ => match config.rig.stage {
-                    StageKind::Controller => same(&found.path, Path::new(&config.controller.port)),
-                    StageKind::Grbl => same(&found.path, Path::new(&config.grbl.port)),
-                    StageKind::Simulated => false,
-                },
-            };
-        DeviceLine {
-            role: found.role,
-            driver: found.driver,
-            name: found.name,
-            path: Some(found.path),
-            permitted: found.permitted,
-            held_by: found.held_by,
-            configured,
-        }
-    }));
-    Ok(all)
+    Ok(found.into_iter().map(line).collect())
 }

@@ -2,50 +2,21 @@
 
 use super::devices::{Rig, open};
 use crate::acquire::PlanSettings;
-use crate::config::{CameraKind, Config, RigKind, StageKind};
-use crate::rig::discovery::{Found, discover, runs};
+use crate::config::{Config, RigKind};
+use crate::rig::discovery::{Found, Role};
+pub use crate::rig::driver::{Finding, Health};
 use crate::rig::{Camera, RigError, RotationStage};
 use crate::session::picture::probe;
 use crate::session::{free_bytes, required_bytes};
 use grainrig_core::geometry::Angle;
-use serde::Serialize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Where udev looks for rules.
 const RULES: [&str; 3] = ["/etc/udev/rules.d", "/usr/lib/udev/rules.d", "/lib/udev/rules.d"];
 const RULE: &str = "60-grainrig.rules";
-/// The desktop's helper that takes every camera for itself.
-const DESKTOP: &str = "gvfs-gphoto2-volume-monitor";
 /// USB 2's high speed, megabits a second.
 const HIGH_SPEED: f64 = 480.0;
-
-/// How a check came out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Health {
-    /// As it should be.
-    Good,
-    /// A run may go well, or not.
-    Doubtful,
-    /// A run will not go well.
-    Bad,
-    /// Not looked at, because of what was found before.
-    Skipped,
-}
-
-/// What a check found.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Finding {
-    /// What was looked at.
-    pub check: &'static str,
-    /// How it came out.
-    pub health: Health,
-    /// What was found.
-    pub found: String,
-    /// What to do about it.
-    pub remedy: Option<String>,
-}
 
 /// Looks at everything that a run needs; the stage makes one step and comes back, the camera takes one picture, which is not
 /// kept. `told` hears of each finding as it is made.
@@ -57,11 +28,11 @@ pub fn doctor(config: &Config, data: &Path, told: &mut dyn FnMut(&Finding)) -> V
     };
     say(disk(config, data));
     if config.rig.kind == RigKind::Hardware {
-        hardware(config, &discover(Path::new("/")), &mut say);
+        hardware(config, &mut say);
     }
     match open(config) {
         Err(e) => {
-            say(bad("rig", &e));
+            say(Finding::bad("rig", &e));
             for check in ["movement", "test shot"] {
                 say(Finding {
                     check,
@@ -72,8 +43,8 @@ pub fn doctor(config: &Config, data: &Path, told: &mut dyn FnMut(&Finding)) -> V
             }
         }
         Ok(Rig { mut stage, mut camera, .. }) => {
-            say(good("stage", stage.describe()));
-            say(good("camera", camera.describe()));
+            say(Finding::good("stage", stage.describe()));
+            say(Finding::good("camera", camera.describe()));
             say(movement(&mut *stage, &config.plan));
             say(shot(&mut *camera));
         }
@@ -81,18 +52,9 @@ pub fn doctor(config: &Config, data: &Path, told: &mut dyn FnMut(&Finding)) -> V
     all
 }
 
-fn good(check: &'static str, found: String) -> Finding {
-    Finding { check, health: Health::Good, found, remedy: None }
-}
-
-fn bad(check: &'static str, error: &RigError) -> Finding {
-    let (found, remedy) = error.told();
-    Finding { check, health: Health::Bad, found, remedy }
-}
-
 fn disk(config: &Config, data: &Path) -> Finding {
     let check = "disk";
-    let needed = required_bytes(config.plan.views as usize + 1, super::live::view_bytes(config));
+    let needed = required_bytes(config.plan.views as usize + 1, config.camera().view_bytes());
     let there = data.ancestors().find(|p| p.exists()).unwrap_or(Path::new("."));
     let writable = rustix::fs::access(there, rustix::fs::Access::WRITE_OK).is_ok();
     let gib = |bytes: u64| bytes as f64 / f64::from(1 << 30);
@@ -124,26 +86,15 @@ fn disk(config: &Config, data: &Path) -> Finding {
 }
 
 /// What is known of devices without opening them.
-fn hardware(config: &Config, there: &[Found], say: &mut dyn FnMut(Finding)) {
-    let port = match config.rig.stage {
-        StageKind::Controller => Some(&config.controller.port),
-        StageKind::Grbl => Some(&config.grbl.port),
-        StageKind::Simulated => None,
-    };
-    let same = |found: &Found, path: &Path| {
-        found.path.canonicalize().is_ok_and(|p| path.canonicalize().is_ok_and(|q| p == q))
-    };
-    let mut used: Vec<&Found> =
-        there.iter().filter(|f| port.is_some_and(|p| same(f, Path::new(p)))).collect();
-    let driver = match config.rig.camera {
-        CameraKind::Gphoto2 => Some("gphoto2"),
-        CameraKind::V4l2 => Some("v4l2"),
-        CameraKind::Simulated => None,
-    };
-    used.extend(there.iter().filter(|f| Some(f.driver) == driver));
+fn hardware(config: &Config, say: &mut dyn FnMut(Finding)) {
+    let (stage, camera, root) = (config.stage(), config.camera(), Path::new("/"));
+    // What can't be set up is told once the rig is opened; what is computed needs no permission.
+    let stages = stage.found(root).unwrap_or_default().into_iter().filter(|f| stage.means(f));
+    let cameras = camera.found(root).unwrap_or_default().into_iter().filter(|f| camera.means(f));
+    let used: Vec<(Found, PathBuf)> =
+        stages.chain(cameras).filter_map(|f| f.path.clone().map(|path| (f, path))).collect();
     let rules = RULES.iter().any(|folder| Path::new(folder).join(RULE).exists());
-    let barred: Vec<&&Found> = used.iter().filter(|f| !f.permitted).collect();
-    say(if let Some(one) = barred.first() {
+    say(if let Some((one, path)) = used.iter().find(|(f, _)| !f.permitted) {
         let remedy = if rules {
             "log out and in again, so that your groups count; plug the device out and in".to_owned()
         } else {
@@ -151,41 +102,26 @@ fn hardware(config: &Config, there: &[Found], say: &mut dyn FnMut(Finding)) {
                 "sudo cp udev/{RULE} /etc/udev/rules.d/ && sudo udevadm control --reload; plug the device out and in"
             )
         };
-        let found = format!("this account may not open {} ({})", one.path.display(), one.name);
+        let found = format!("this account may not open {} ({})", path.display(), one.name);
         Finding { check: "permissions", health: Health::Bad, found, remedy: Some(remedy) }
     } else {
         let rules = if rules { "rules are installed" } else { "no rules are installed, none are missing" };
-        good("permissions", format!("{} devices may be opened; {rules}", used.len()))
+        Finding::good("permissions", format!("{} devices may be opened; {rules}", used.len()))
     });
-    for one in &used {
+    for (one, path) in &used {
         if let Some(by) = &one.held_by {
             let remedy = Some("end that program, then look again".to_owned());
-            let found = format!("{} is held by {by}", one.path.display());
+            let found = format!("{} is held by {by}", path.display());
             say(Finding { check: "holder", health: Health::Bad, found, remedy });
         }
-        if let Some(speed) =
-            one.usb_mbit_per_s.filter(|s| one.driver != "controller or grbl" && *s < HIGH_SPEED)
-        {
+        if let Some(speed) = one.usb_mbit_per_s.filter(|s| one.role == Role::Camera && *s < HIGH_SPEED) {
             let remedy =
                 Some("plug it into a port of the computer itself, with a USB 2 or USB 3 cable".to_owned());
             let found = format!("{} has {speed} Mbit/s", one.name);
             say(Finding { check: "USB", health: Health::Doubtful, found, remedy });
         }
     }
-    if config.rig.camera == CameraKind::Gphoto2 {
-        say(if runs(DESKTOP) {
-            Finding {
-                check: "desktop",
-                health: Health::Bad,
-                found: format!("{DESKTOP} runs and takes every camera that is plugged in"),
-                remedy: Some(format!(
-                    "systemctl --user mask --now {DESKTOP}, or `gio mount -s gphoto2` each time"
-                )),
-            }
-        } else {
-            good("desktop", "nothing takes cameras for itself".into())
-        });
-    }
+    stage.findings().into_iter().chain(camera.findings()).for_each(say);
 }
 
 fn movement(stage: &mut dyn RotationStage, plan: &PlanSettings) -> Finding {
@@ -197,7 +133,7 @@ fn movement(stage: &mut dyn RotationStage, plan: &PlanSettings) -> Finding {
         Ok(reached.deg())
     };
     match there_and_back() {
-        Err(e) => bad("movement", &e),
+        Err(e) => Finding::bad("movement", &e),
         Ok(reached) if (reached - plan.step_deg).abs() > plan.tolerance_deg => Finding {
             check: "movement",
             health: Health::Bad,
@@ -206,7 +142,7 @@ fn movement(stage: &mut dyn RotationStage, plan: &PlanSettings) -> Finding {
         },
         Ok(reached) => {
             let s = began.elapsed().as_secs_f64();
-            good(
+            Finding::good(
                 "movement",
                 format!("homed, a step to {reached:.3}° and back in {s:.1} s: did the stage turn?"),
             )
@@ -217,14 +153,17 @@ fn movement(stage: &mut dyn RotationStage, plan: &PlanSettings) -> Finding {
 fn shot(camera: &mut dyn Camera) -> Finding {
     let began = Instant::now();
     let frame = match camera.capture() {
-        Err(e) => return bad("test shot", &e),
+        Err(e) => return Finding::bad("test shot", &e),
         Ok(frame) => frame,
     };
     let s = began.elapsed().as_secs_f64();
     match probe(&frame.bytes, None) {
         Ok((encoding, [width, height])) => {
             let mb = frame.bytes.len() as f64 / 1e6;
-            good("test shot", format!("{width} × {height} px, {mb:.1} MB of {encoding:?} in {s:.1} s"))
+            Finding::good(
+                "test shot",
+                format!("{width} × {height} px, {mb:.1} MB of {encoding:?} in {s:.1} s"),
+            )
         }
         Err(fault) => Finding {
             check: "test shot",

@@ -9,10 +9,9 @@ use super::recorded::{
 use super::scale_file::ScaleFile;
 use super::{Context, JobError, Names, Watcher};
 use crate::acquire::{self, Control, Judge, Outcome, QualityMode, SessionSink, SystemClock};
-use crate::config::{CameraKind, Config, ConfigError, RigKind, ServeSettings};
+use crate::config::{Config, ConfigError, ServeSettings};
 use crate::pipeline::{Cameras, Gate, MeshSettings, Reconstruction, SegmentedPicture, View};
-use crate::rig::Frame;
-use crate::rig::simulated::TruthHandle;
+use crate::rig::{Frame, TruthHandle};
 use crate::session::event::CapturedView;
 use crate::session::replay::replay as play;
 use crate::session::{
@@ -125,16 +124,6 @@ impl ResumeOptions {
     }
 }
 
-/// What one picture takes on the disk, for the check before a run: a DSLR's largest JPEG, and its RAW file.
-const FRAME_BYTES: u64 = 24 << 20;
-const RAW_BYTES: u64 = 40 << 20;
-
-/// What one view of this configuration takes on the disk, bytes.
-pub(super) fn view_bytes(config: &Config) -> u64 {
-    let of_dslr = config.rig.kind == RigKind::Hardware && config.rig.camera == CameraKind::Gphoto2;
-    FRAME_BYTES + if of_dslr { RAW_BYTES } else { 0 }
-}
-
 /// Captures a new session and computes its products. Blocks until the run ends.
 ///
 /// `truth` is a folder for what only the simulated rig knows.
@@ -192,7 +181,7 @@ pub(super) fn begin(data: &Path, name: &str, config: &Config) -> Result<Begun, J
     let store = Store::new(data);
     store.folder(name)?;
     // Before the name is taken: a run that has no room leaves nothing behind.
-    check_space(data, required_bytes(manifest.plan.views.len(), view_bytes(config)))?;
+    check_space(data, required_bytes(manifest.plan.views.len(), config.camera().view_bytes()))?;
     let session = store.create(&manifest)?;
     Ok(Begun { session, rig, mesh: None, gates: config.acquire.quality == QualityMode::Gate })
 }
@@ -319,7 +308,7 @@ pub(super) fn take_up(folder: &Path, quality: Option<QualityMode>) -> Result<Tak
     }
     let missing = recording.views().len() < manifest.plan.views.len();
     let rig = if missing {
-        session.check_space(view_bytes(&config))?;
+        session.check_space(config.camera().view_bytes())?;
         devices::take_up(&config, devices::before(recording))?
     } else {
         let (stage, camera) = play(recording.clone());

@@ -56,7 +56,7 @@ pub use scaling::{Angles, ScaleOptions, ScaleRequest, calibrate_scale};
 pub use studying::{Studied, StudyOptions};
 
 use crate::config::Config;
-use crate::session::event::{Event, Happening};
+use crate::session::event::{Event, Happening, News};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -66,6 +66,9 @@ const SOFTWARE: &str = concat!("grainrig ", env!("CARGO_PKG_VERSION"));
 
 /// Told of every event of a job, in order. Called while the session is held: it must not block.
 pub type Watcher = Arc<dyn Fn(&Event) + Send + Sync>;
+
+/// Told of what goes on beside the runs. It must not block.
+pub type NewsWatcher = Arc<dyn Fn(News) + Send + Sync>;
 
 /// What a job has of its surroundings, whoever asked for it.
 #[derive(Clone)]

@@ -1,6 +1,7 @@
 //! What is plugged in: serial ports, video cameras, and still cameras at the USB. Nothing is opened.
 
 use super::holder::holder;
+use super::{CameraDriver, RigError, StageDriver};
 use serde::Serialize;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -20,10 +21,10 @@ pub enum Role {
 pub struct Found {
     /// What it could be used as.
     pub role: Role,
-    /// The driver that would use it: `controller or grbl`, `v4l2`, `gphoto2`.
-    pub driver: &'static str,
-    /// The device file, by the name that stays where it has one.
-    pub path: PathBuf,
+    /// The drivers that could use it.
+    pub drivers: Vec<&'static str>,
+    /// The device file, by the name that stays where it has one; none of a computed device.
+    pub path: Option<PathBuf>,
     /// What it calls itself.
     pub name: String,
     /// Whether this account may open it.
@@ -34,25 +35,57 @@ pub struct Found {
     pub usb_mbit_per_s: Option<f64>,
 }
 
-/// Everything under a root folder: `/`, or a copy of its `dev` and `sys`.
-pub fn discover(root: &Path) -> Vec<Found> {
-    let mut all = serial_ports(root);
-    all.extend(video_cameras(root));
-    all.extend(still_cameras(root));
-    all
+impl Found {
+    /// A device that is computed: it is always there.
+    pub fn computed(role: Role, name: String) -> Self {
+        let drivers = Vec::new();
+        Self { role, drivers, path: None, name, permitted: true, held_by: None, usb_mbit_per_s: None }
+    }
+
+    /// Whether it is the device of this name, or of another name for the same.
+    pub fn is_at(&self, named: &Path) -> bool {
+        let real = |path: &Path| path.canonicalize().ok();
+        self.path
+            .as_deref()
+            .is_some_and(|path| path == named || (real(path).is_some() && real(path) == real(named)))
+    }
 }
 
-fn found(
-    role: Role,
-    driver: &'static str,
-    path: PathBuf,
-    name: String,
-    usb_mbit_per_s: Option<f64>,
-) -> Found {
+/// Every device below a root folder (`/`, or a copy of its `dev` and `sys`) with the names of the drivers that could use it;
+/// computed ones first.
+///
+/// # Errors
+/// [`RigError`] where a computed one can't be set up.
+pub fn discover<'a>(
+    stages: impl IntoIterator<Item = (&'static str, &'a dyn StageDriver)>,
+    cameras: impl IntoIterator<Item = (&'static str, &'a dyn CameraDriver)>,
+    root: &Path,
+) -> Result<Vec<Found>, RigError> {
+    let stages = stages.into_iter().map(|(name, driver)| (name, driver.found(root)));
+    let cameras = cameras.into_iter().map(|(name, driver)| (name, driver.found(root)));
+    let mut all: Vec<Found> = Vec::new();
+    for (driver, found) in stages.chain(cameras) {
+        for mut one in found? {
+            // Nobody sees from outside whose board is behind a serial port.
+            if let Some(same) =
+                all.iter_mut().find(|f| f.role == one.role && f.path.is_some() && f.path == one.path)
+            {
+                same.drivers.push(driver);
+            } else {
+                one.drivers.push(driver);
+                all.push(one);
+            }
+        }
+    }
+    all.sort_by_key(|f| f.path.is_some());
+    Ok(all)
+}
+
+fn found(role: Role, path: PathBuf, name: String, usb_mbit_per_s: Option<f64>) -> Found {
     use rustix::fs::{Access, access};
     let permitted = access(&path, Access::READ_OK | Access::WRITE_OK).is_ok();
     let held_by = holder(&path);
-    Found { role, driver, path, name, permitted, held_by, usb_mbit_per_s }
+    Found { role, drivers: Vec::new(), path: Some(path), name, permitted, held_by, usb_mbit_per_s }
 }
 
 /// Names in a folder, in order.
@@ -77,24 +110,25 @@ fn readable(by_id: &str) -> String {
     bare.split('_').filter(|w| !w.is_empty()).collect::<Vec<_>>().join(" ")
 }
 
-fn serial_ports(root: &Path) -> Vec<Found> {
+/// The serial ports that boards have.
+pub fn serial_ports(root: &Path) -> Vec<Found> {
     let by_id = root.join("dev/serial/by-id");
     let mut all: Vec<Found> = names(&by_id)
         .into_iter()
         .map(|n| {
             let path = by_id.join(&n);
             let speed = tty_speed(root, &path);
-            found(Role::Stage, "controller or grbl", path, readable(&n), speed)
+            found(Role::Stage, path, readable(&n), speed)
         })
         .collect();
     // Ports without a name that stays: a board's own serial line, a system without udev.
-    let named: Vec<PathBuf> = all.iter().filter_map(|f| f.path.canonicalize().ok()).collect();
+    let named: Vec<PathBuf> = all.iter().filter_map(|f| f.path.as_ref()?.canonicalize().ok()).collect();
     let dev = root.join("dev");
     for name in names(&dev).into_iter().filter(|n| n.starts_with("ttyUSB") || n.starts_with("ttyACM")) {
         let path = dev.join(&name);
         if !path.canonicalize().is_ok_and(|p| named.contains(&p)) {
             let speed = tty_speed(root, &path);
-            all.push(found(Role::Stage, "controller or grbl", path, name, speed));
+            all.push(found(Role::Stage, path, name, speed));
         }
     }
     all
@@ -111,7 +145,8 @@ fn usb_speed(device: &Path) -> Option<f64> {
     device.ancestors().take(6).find_map(|folder| text(&folder.join("speed"))?.parse().ok())
 }
 
-fn video_cameras(root: &Path) -> Vec<Found> {
+/// The cameras of the kernel's video drivers.
+pub fn video_cameras(root: &Path) -> Vec<Found> {
     let mut nodes: Vec<PathBuf> = Vec::new();
     let mut all: Vec<Found> = Vec::new();
     let sys = root.join("sys/class/video4linux");
@@ -124,7 +159,7 @@ fn video_cameras(root: &Path) -> Vec<Found> {
         let name = sys.as_deref().and_then(|s| text(&s.join("name")));
         let name = name.or(by_id.map(readable)).unwrap_or_else(|| path.display().to_string());
         let speed = sys.and_then(|s| usb_speed(&s.join("device")));
-        all.push(found(Role::Camera, "v4l2", path, name, speed));
+        all.push(found(Role::Camera, path, name, speed));
         nodes.push(node);
     };
     // By its own name; one that has none by the place that it is at; without udev by the kernel's number. Other nodes of the
@@ -146,7 +181,7 @@ fn video_cameras(root: &Path) -> Vec<Found> {
 }
 
 /// USB devices with an interface of the still-image class, which is what PTP cameras have.
-fn still_cameras(root: &Path) -> Vec<Found> {
+pub fn still_cameras(root: &Path) -> Vec<Found> {
     const STILL_IMAGE: &str = "06";
     let devices = root.join("sys/bus/usb/devices");
     let mut all: Vec<Found> = Vec::new();
@@ -161,7 +196,7 @@ fn still_cameras(root: &Path) -> Vec<Found> {
         let words = ["manufacturer", "product", "serial"].map(|n| text(&device.join(n)));
         let name = words.into_iter().flatten().collect::<Vec<_>>().join(" ");
         let speed = text(&device.join("speed")).and_then(|s| s.parse().ok());
-        all.push(found(Role::Camera, "gphoto2", path, name, speed));
+        all.push(found(Role::Camera, path, name, speed));
     }
     all
 }
@@ -232,25 +267,35 @@ mod tests {
             let name = format!("dev/v4l/by-path/{place}-video-index0");
             symlink(root.join("dev").join(node), root.join(name)).unwrap();
         }
-        let all = discover(root);
-        let told: Vec<(&str, &str)> = all.iter().map(|f| (f.driver, f.name.as_str())).collect();
+        let config = crate::config::Config::default();
+        let discovered = |root: &Path| discover(config.stages(), config.cameras(), root).unwrap();
+        let (computed, all): (Vec<Found>, Vec<Found>) =
+            discovered(root).into_iter().partition(|f| f.path.is_none());
+        let told: Vec<(String, &str)> =
+            all.iter().map(|f| (f.drivers.join(" or "), f.name.as_str())).collect();
         assert_eq!(
             told,
             [
                 ("controller or grbl", "Arduino www.arduino.cc 0043 75232"),
                 ("controller or grbl", "ttyUSB3"),
+                ("gphoto2", "Canon Inc. Canon Digital Camera"),
                 ("v4l2", "HD Webcam C615"),
                 ("v4l2", "Built in"),
                 ("v4l2", "Without udev"),
-                ("gphoto2", "Canon Inc. Canon Digital Camera"),
             ]
+            .map(|(drivers, name)| (drivers.to_owned(), name))
         );
-        assert_eq!(all[0].path, root.join(board));
-        assert_eq!(all[3].path, root.join("dev/v4l/by-path/platform-isp-video-index0"));
-        assert_eq!(all[4].path, root.join("dev/video3"));
-        assert_eq!(all[5].path, root.join("dev/bus/usb/001/007"));
-        assert_eq!(all[5].usb_mbit_per_s, Some(480.0));
+        let paths: Vec<PathBuf> = all.iter().filter_map(|f| f.path.clone()).collect();
+        assert_eq!(paths[0], root.join(board));
+        assert_eq!(paths[2], root.join("dev/bus/usb/001/007"));
+        assert_eq!(all[2].usb_mbit_per_s, Some(480.0));
+        assert_eq!(paths[4], root.join("dev/v4l/by-path/platform-isp-video-index0"));
+        assert_eq!(paths[5], root.join("dev/video3"));
         assert!(all.iter().all(|f| f.permitted && f.held_by.is_none()));
-        assert_eq!(discover(&root.join("nothing")), []);
+        // One device has many names.
+        assert!(all[0].is_at(&root.join("dev/ttyACM0")) && !all[0].is_at(&root.join("dev/ttyUSB3")));
+        // Where nothing is plugged in there still is what needs no plug.
+        assert_eq!(discovered(&root.join("nothing")), computed);
+        assert!(computed.iter().all(|f| f.drivers == ["simulated"]) && computed.len() == 2);
     }
 }

@@ -1,10 +1,12 @@
 //! The rig: a stage that turns the grain and a camera that photographs it.
 //!
 //! The traits speak the field's verbs and know nothing of how a device was found. One thread owns each
-//! device; calls block.
+//! device; calls block. A driver is a module, whose settings answer for it ([`driver`]), and its rows in the table below.
 
 pub mod controller;
 pub mod discovery;
+pub mod driver;
+pub mod folder;
 pub mod gphoto;
 pub mod grbl;
 mod holder;
@@ -12,8 +14,54 @@ mod serial;
 pub mod simulated;
 pub mod v4l;
 
+/// The drivers. A section of the configuration is named like the driver that it sets; what drives both stage and camera has one.
+/// Whoever wants something of each driver hands this macro one that takes the rows: here the kinds, in `config` the sections.
+macro_rules! drivers {
+    ($take:ident) => {
+        $take! {
+            sections {
+                /// The simulated rig.
+                simulated: $crate::rig::simulated::Settings,
+                /// The stepper controller with grainrig's firmware.
+                controller: $crate::rig::controller::Settings,
+                /// A board with GRBL.
+                grbl: $crate::rig::grbl::Settings,
+                /// A DSLR by libgphoto2.
+                gphoto2: $crate::rig::gphoto::Settings,
+                /// A video camera by V4L2.
+                v4l2: $crate::rig::v4l::Settings,
+                /// A folder that another program saves pictures to.
+                folder: $crate::rig::folder::Settings,
+            }
+            stages {
+                /// A board with grainrig's firmware (`firmware/`), set in `[controller]`.
+                #[default]
+                Controller = controller,
+                /// A board with GRBL 1.1, set in `[grbl]`.
+                Grbl = grbl,
+                /// The simulated stage, which turns nothing: to try a camera out.
+                Simulated = simulated,
+            }
+            cameras {
+                /// The simulated camera, which sees the grain at the angle that the stage says it reached: to try a stage out.
+                #[default]
+                Simulated = simulated,
+                /// A DSLR, set in `[gphoto2]`.
+                Gphoto2 = gphoto2,
+                /// A video camera, set in `[v4l2]`.
+                V4l2 = v4l2,
+                /// A camera whose pictures another program saves, set in `[folder]`.
+                Folder = folder,
+            }
+        }
+    };
+}
+pub(crate) use drivers;
+
+pub use driver::{Before, CameraDriver, CameraKind, Driver, StageDriver, StageKind};
 pub use grainrig_core::formats::Encoding;
 use grainrig_core::geometry::Angle;
+pub use simulated::TruthHandle;
 use std::time::Duration;
 
 /// Turns the grain about the z axis.

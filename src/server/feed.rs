@@ -18,7 +18,7 @@ use jiff::Timestamp;
 use tokio::sync::watch;
 
 use super::status::Status;
-use crate::session::event::{Event, Happening};
+use crate::session::event::{Event, FeedEvent};
 
 /// How many events the daemon keeps: about thirty runs of 25 views.
 pub const KEPT_EVENTS: NonZeroUsize = NonZeroUsize::new(4096).unwrap();
@@ -35,7 +35,7 @@ pub struct EventFeed {
 #[derive(Debug)]
 struct Log {
     next: u64,
-    kept: VecDeque<Arc<Event>>,
+    kept: VecDeque<Arc<Event<FeedEvent>>>,
     keep: NonZeroUsize,
     status: Status,
 }
@@ -73,9 +73,9 @@ impl EventFeed {
 
     /// Appends what happened at `time` and wakes the readers; returns it with its number. Never waits
     /// for a reader.
-    pub fn push(&self, what: Happening, time: Timestamp) -> Event {
+    pub fn push(&self, what: impl Into<FeedEvent>, time: Timestamp) -> Event<FeedEvent> {
         let mut log = self.lock();
-        let event = Event { seq: log.next, time, what };
+        let event = Event { seq: log.next, time, what: what.into() };
         log.status.apply(&event.what);
         if log.kept.len() == log.keep.get() {
             log.kept.pop_front();
@@ -117,7 +117,7 @@ impl EventFeed {
 impl Subscription {
     /// The next event, when it has happened; `None` when it has fallen out of the log because this
     /// reader was too slow. Dropping the future loses nothing.
-    pub async fn next(&mut self) -> Option<Arc<Event>> {
+    pub async fn next(&mut self) -> Option<Arc<Event<FeedEvent>>> {
         loop {
             // Marked as seen before the log is read: a push in between wakes us again.
             self.newest.borrow_and_update();
@@ -138,6 +138,7 @@ impl Subscription {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::session::event::{Happening, JobKind, JobNews, JobState, News};
 
     fn feed(first: u64, keep: usize) -> EventFeed {
         EventFeed::new(first, NonZeroUsize::new(keep).unwrap())
@@ -147,6 +148,31 @@ mod tests {
         for view in 0..count {
             feed.push(Happening::Moving { view, target_deg: 0.0 }, Timestamp::UNIX_EPOCH);
         }
+    }
+
+    #[test]
+    fn what_goes_on_beside_a_run_is_told_as_a_runs_events_are_and_no_journal_reads_it() {
+        let job = JobNews {
+            job: 1,
+            kind: JobKind::Replay,
+            session: "quartz".into(),
+            name: None,
+            state: JobState::Waiting,
+            phase: None,
+            done: 0.0,
+            error: None,
+        };
+        let feed = feed(7, 4);
+        let told = |event: &Event<FeedEvent>| serde_json::to_string(event).unwrap();
+        let homed = feed.push(Happening::Homed, Timestamp::UNIX_EPOCH);
+        assert_eq!(told(&homed), r#"{"seq":7,"time":"1970-01-01T00:00:00Z","event":"homed"}"#);
+        let queued = feed.push(News::Job(job), Timestamp::UNIX_EPOCH);
+        assert_eq!(
+            told(&queued),
+            r#"{"seq":8,"time":"1970-01-01T00:00:00Z","event":"job","job":1,"kind":"replay","session":"quartz","state":"waiting","done":0.0,"error":null}"#
+        );
+        assert!(serde_json::from_str::<Event>(&told(&homed)).is_ok());
+        assert!(serde_json::from_str::<Event>(&told(&queued)).is_err());
     }
 
     #[tokio::test]

@@ -17,7 +17,7 @@ use utoipa::ToSchema;
 use super::compressing::CompressionStatus;
 use super::jobs;
 use super::schemas::GrainResult;
-use crate::session::event::{Happening, JobNews};
+use crate::session::event::{FeedEvent, Happening, JobNews, News};
 use grainrig_core::silhouette::Verdict;
 
 /// More warnings than this help nobody: a run has 26 views.
@@ -142,7 +142,17 @@ pub struct Status {
 
 impl Status {
     /// Takes one more event into account.
-    pub(super) fn apply(&mut self, what: &Happening) {
+    pub(super) fn apply(&mut self, what: &FeedEvent) {
+        match what {
+            FeedEvent::Run(what) => self.go_on(what),
+            FeedEvent::Beside(News::Compression(news)) => {
+                self.compression = Some(CompressionStatus::after(self.compression.take(), news));
+            }
+            FeedEvent::Beside(News::Job(news)) => jobs::apply(&mut self.jobs, news),
+        }
+    }
+
+    fn go_on(&mut self, what: &Happening) {
         match what {
             Happening::Started { session, views, already_captured } => {
                 *self = Self {
@@ -213,10 +223,6 @@ impl Status {
                 self.end(RunState::Complete);
                 self.result = Some(result.clone());
             }
-            Happening::Compression(news) => {
-                self.compression = Some(CompressionStatus::after(self.compression.take(), news));
-            }
-            Happening::Job(news) => jobs::apply(&mut self.jobs, news),
         }
     }
 
@@ -255,8 +261,8 @@ mod tests {
             serde_json::from_str(include_str!("../../web/test/fold.json")).unwrap();
         let mut status = Status::default();
         for step in steps {
-            let happening: Happening = serde_json::from_value(step["event"].clone()).unwrap();
-            status.apply(&happening);
+            let event: FeedEvent = serde_json::from_value(step["event"].clone()).unwrap();
+            status.apply(&event);
             let status = serde_json::to_value(&status).unwrap();
             for (key, expected) in step["expect"].as_object().unwrap() {
                 assert_eq!(&status[key], expected, "{key} after {}", step["event"]);

@@ -19,7 +19,7 @@ use super::feed::{Snapshot, Subscription};
 use super::openapi;
 use super::places::Ticket;
 use super::routes::App;
-use crate::session::event::Event;
+use crate::session::event::{Event, FeedEvent};
 use crate::session::to_json_value;
 
 /// Events on their way to one client; the others wait in the feed.
@@ -106,7 +106,7 @@ fn snapshot_message(snapshot: &Snapshot) -> Option<sse::Event> {
     message.json_data(data).inspect_err(|error| tracing::error!(%error, "snapshot is no JSON")).ok()
 }
 
-fn event_message(event: &Event) -> Option<sse::Event> {
+fn event_message(event: &Event<FeedEvent>) -> Option<sse::Event> {
     let data = to_json_value(event).inspect_err(|error| tracing::error!(%error, "event is no JSON")).ok()?;
     let kind = data.get("event").and_then(serde_json::Value::as_str)?;
     let message = sse::Event::default().id(event.seq.to_string()).event(kind);

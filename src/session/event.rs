@@ -1,4 +1,4 @@
-//! What happens during a run: one numbered event type for terminal, journal and browser alike.
+//! What happens during a run, as the journal has it; and what the feed tells beside that, which no journal can have.
 
 use super::manifest::ArchivedFile;
 use grainrig_core::contact::CurvePoint;
@@ -6,16 +6,16 @@ use grainrig_core::silhouette::Verdict;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 
-/// Something that happened, numbered.
+/// Something that happened, numbered: in a run, unless it is said of what.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Event {
+pub struct Event<T = Happening> {
     /// Number: each is one more than the one before it in the same log.
     pub seq: u64,
     /// When, in UTC.
     pub time: Timestamp,
     /// What.
     #[serde(flatten)]
-    pub what: Happening,
+    pub what: T,
 }
 
 /// What a view is for.
@@ -170,7 +170,39 @@ pub struct JobNews {
     pub error: Option<String>,
 }
 
-/// The kinds of event.
+/// What the feed tells: what happens in a run, and what goes on beside it. No journal takes it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum FeedEvent {
+    /// Of a run.
+    Run(Happening),
+    /// Beside the runs.
+    Beside(News),
+}
+
+impl From<Happening> for FeedEvent {
+    fn from(what: Happening) -> Self {
+        Self::Run(what)
+    }
+}
+
+impl From<News> for FeedEvent {
+    fn from(news: News) -> Self {
+        Self::Beside(news)
+    }
+}
+
+/// What goes on beside the runs. Whoever watches is told; what is made from a session is no part of its record.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "event", rename_all = "snake_case")]
+pub enum News {
+    /// A compression of a session's grain began, went on or ended.
+    Compression(CompressionNews),
+    /// A computation beside the rig was asked for, began, went on or ended.
+    Job(JobNews),
+}
+
+/// What happens in a run: the kinds of event that a journal has.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum Happening {
@@ -283,8 +315,4 @@ pub enum Happening {
         /// What `result.json` holds.
         result: serde_json::Value,
     },
-    /// A compression of a session's grain began, went on or ended. Whoever watches is told; no journal has it.
-    Compression(CompressionNews),
-    /// A computation beside the rig was asked for, began, went on or ended. Whoever watches is told; no journal has it.
-    Job(JobNews),
 }

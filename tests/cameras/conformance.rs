@@ -16,14 +16,15 @@ use grainrig_core::geometry::Angle;
 fn the_camera_at_the_rig_delivers_whole_pictures_one_after_the_other() {
     use grainrig::config::{CameraKind, Config};
     use grainrig::rig::gphoto::{GphotoCamera, Launch};
-    use grainrig::rig::{Camera, v4l::V4lCamera};
+    use grainrig::rig::{Before, Camera};
     let path = std::env::var_os("GRAINRIG_CAMERA").expect("GRAINRIG_CAMERA names a configuration");
     let config = Config::read(std::path::Path::new(&path)).unwrap();
     let launch = Launch { program: env!("CARGO_BIN_EXE_grainrig").into() };
-    let mut camera: Box<dyn Camera> = match config.rig.camera {
-        CameraKind::Gphoto2 => Box::new(GphotoCamera::open(&config.gphoto2, launch).unwrap()),
-        CameraKind::V4l2 => Box::new(V4lCamera::open(&config.v4l2).unwrap()),
+    let mut camera: Box<dyn Camera> = match config.camera_kind() {
         CameraKind::Simulated => panic!("the configuration has no real camera"),
+        // Its process is the program, which this test is not.
+        CameraKind::Gphoto2 => Box::new(GphotoCamera::open(&config.gphoto2, launch).unwrap()),
+        _ => config.camera().open(Before::default(), None).unwrap().camera,
     };
     println!("{}", camera.describe());
     let mut size = None;

@@ -4,6 +4,7 @@ mod bench;
 mod conformance;
 #[cfg(feature = "gphoto2")]
 mod faults;
+mod folder;
 #[path = "../support/kit/mod.rs"]
 mod kit;
 #[cfg(feature = "gphoto2")]

@@ -167,3 +167,15 @@ fn a_hostile_pattern_is_refused_in_one_line() {
     lab.run(&[&scale[..], &[&nested(250)]].concat()).fails(2, &["250 braces deep"]);
     assert!(!lab.path("data").exists());
 }
+
+#[test]
+fn a_lost_step_is_told_in_steps_of_the_motor_that_the_plan_has() {
+    let lab = Lab::new();
+    // 1.8°: a step of this motor, two of the default one.
+    let plan = ["views = 25", "steps_per_view = 4", "step_deg = 1.8"].map(|line| ("plan", line));
+    let motor = ["steps_per_turn = 200", "faults = { lost_step_at = 12 }"].map(|line| ("simulated", line));
+    let size = ["width = 648", "height = 432", "mm_per_px = 0.006"].map(|line| ("simulated", line));
+    let config = lab.config(&[&plan[..], &motor[..], &size[..], &[("optics", "mm_per_px = 0.006")]].concat());
+    let ran = lab.run(&["--config", &config, "capture", "a"]).succeeds();
+    assert!(ran.stdout.contains(": 1 full step of the motor lost"), "{}", ran.stdout);
+}

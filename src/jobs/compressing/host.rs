@@ -13,7 +13,7 @@ use super::others::others;
 use super::shelf::{Active, details, list, open};
 use super::{Claim, CompressDetails, CompressLine, CompressRequest, JobError, RUN, keep_beside};
 use crate::jobs::background::{About, Background};
-use crate::jobs::{BackgroundError, ErrorKind, Names, Watcher};
+use crate::jobs::{BackgroundError, ErrorKind, Names, NewsWatcher};
 use crate::session::event::JobKind;
 use crate::session::{Store, hold};
 use std::fs::File;
@@ -27,14 +27,14 @@ const MOST_TRIES: u32 = 3;
 /// Computes compressions in the background, and knows those that are there.
 pub struct CompressHost {
     store: Store,
-    watcher: Watcher,
+    watcher: NewsWatcher,
     background: Arc<Background>,
     remembered: Arc<Remembered>,
 }
 
 impl CompressHost {
     /// A host of the compressions in a data folder; `watcher` is told of each one's news.
-    pub fn new(data: &Path, background: Arc<Background>, watcher: Watcher) -> Self {
+    pub fn new(data: &Path, background: Arc<Background>, watcher: NewsWatcher) -> Self {
         let remembered = Arc::new(Remembered::new(data));
         Self { store: Store::new(data), watcher, background, remembered }
     }

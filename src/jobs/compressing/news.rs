@@ -1,8 +1,8 @@
 //! What those who watch a compression are told, and how often.
 
 use super::CompressProgress;
-use crate::jobs::Watcher;
-use crate::session::event::{CompressionNews, CompressionState, Event, Happening};
+use crate::jobs::NewsWatcher;
+use crate::session::event::{self, CompressionNews, CompressionState};
 use grainrig_core::contact::CurvePoint;
 use std::time::{Duration, Instant};
 
@@ -11,14 +11,14 @@ const EACH: Duration = Duration::from_millis(500);
 
 /// Tells the watcher of one compression.
 pub(super) struct News {
-    watcher: Watcher,
+    watcher: NewsWatcher,
     /// What is told next; `points` gathers what is new.
     next: CompressionNews,
     told: Option<Instant>,
 }
 
 impl News {
-    pub(super) fn new(session: &str, name: &str, watcher: Watcher) -> Self {
+    pub(super) fn new(session: &str, name: &str, watcher: NewsWatcher) -> Self {
         let next = CompressionNews {
             session: session.into(),
             name: name.into(),
@@ -79,8 +79,7 @@ impl News {
     }
 
     fn tell(&mut self) {
-        let what = Happening::Compression(self.next.clone());
-        (self.watcher)(&Event { seq: 0, time: jiff::Timestamp::now(), what });
+        (self.watcher)(event::News::Compression(self.next.clone()));
         self.next.from += self.next.points.len();
         self.next.points.clear();
         self.told = Some(Instant::now());

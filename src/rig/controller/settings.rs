@@ -1,6 +1,10 @@
 //! The `[controller]` settings.
 
+use crate::rig::discovery::{Found, serial_ports};
+use crate::rig::driver::OpenStage;
+use crate::rig::{Before, Driver, RigError, StageDriver};
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 
 /// The firmware's limits on speed and acceleration, microsteps a second (a second).
 const SPEEDS: [f64; 2] = [10.0, 8000.0];
@@ -159,5 +163,31 @@ impl Settings {
             return said("silence_s", self.silence_s.to_string(), "0 or 5 to 86400", remedy);
         }
         Ok(())
+    }
+}
+
+impl Driver for Settings {
+    fn check(&self) -> Result<(), RigError> {
+        Self::check(self).map_err(RigError::Device)
+    }
+}
+
+impl StageDriver for Settings {
+    fn found(&self, root: &Path) -> Result<Vec<Found>, RigError> {
+        Ok(serial_ports(root))
+    }
+
+    fn means(&self, found: &Found) -> bool {
+        found.is_at(Path::new(&self.port))
+    }
+
+    /// The board has outputs for the camera's remote socket.
+    fn has_release(&self) -> bool {
+        true
+    }
+
+    fn open(&self, _before: Before) -> Result<OpenStage, RigError> {
+        let stage = super::open(self)?;
+        Ok(OpenStage { shutter: Some(Box::new(stage.shutter())), stage: Box::new(stage) })
     }
 }

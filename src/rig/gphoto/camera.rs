@@ -50,8 +50,8 @@ impl GphotoCamera {
 
     /// The same camera, released from elsewhere: its files come over its own cable as before.
     #[must_use]
-    pub fn released_by(mut self, shutter: impl Shutter + 'static) -> Self {
-        self.shutter = Some(Box::new(shutter));
+    pub fn released_by(mut self, shutter: Box<dyn Shutter>) -> Self {
+        self.shutter = Some(shutter);
         self
     }
 

@@ -1,12 +1,18 @@
 //! The `[gphoto2]` settings.
 
-use crate::rig::RigError;
+use super::camera::{GphotoCamera, Launch};
+use crate::rig::discovery::{Found, runs, still_cameras};
+use crate::rig::driver::{FRAME_BYTES, Finding, Health, OpenCamera, RAW_BYTES};
+use crate::rig::{Before, CameraDriver, Driver, RigError, Shutter};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::time::Duration;
 
 /// Longest time that any setting may ask for, seconds.
 const LONGEST_S: f64 = 3600.0;
+/// The desktop's helper that takes every camera for itself.
+const DESKTOP: &str = "gvfs-gphoto2-volume-monitor";
 
 /// The `[gphoto2]` settings: which camera, how it is to be set, and how much patience it gets.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -138,6 +144,54 @@ impl Settings {
             ));
         }
         Ok(())
+    }
+}
+
+impl Driver for Settings {
+    fn check(&self) -> Result<(), RigError> {
+        Self::check(self)
+    }
+
+    fn built_in(&self) -> Option<bool> {
+        Some(cfg!(feature = "gphoto2"))
+    }
+
+    fn findings(&self) -> Vec<Finding> {
+        let check = "desktop";
+        vec![if runs(DESKTOP) {
+            Finding {
+                check,
+                health: Health::Bad,
+                found: format!("{DESKTOP} runs and takes every camera that is plugged in"),
+                remedy: Some(format!(
+                    "systemctl --user mask --now {DESKTOP}, or `gio mount -s gphoto2` each time"
+                )),
+            }
+        } else {
+            Finding::good(check, "nothing takes cameras for itself")
+        }]
+    }
+}
+
+impl CameraDriver for Settings {
+    fn found(&self, root: &Path) -> Result<Vec<Found>, RigError> {
+        Ok(still_cameras(root))
+    }
+
+    fn takes_release(&self) -> bool {
+        true
+    }
+
+    fn view_bytes(&self) -> u64 {
+        FRAME_BYTES + RAW_BYTES
+    }
+
+    fn open(&self, _before: Before, shutter: Option<Box<dyn Shutter>>) -> Result<OpenCamera, RigError> {
+        let camera = GphotoCamera::open(self, Launch::this_program())?;
+        Ok(OpenCamera::of(match shutter {
+            Some(shutter) => camera.released_by(shutter),
+            None => camera,
+        }))
     }
 }
 

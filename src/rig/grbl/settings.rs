@@ -1,6 +1,10 @@
 //! The `[grbl]` settings.
 
+use crate::rig::discovery::{Found, serial_ports};
+use crate::rig::driver::OpenStage;
+use crate::rig::{Before, Driver, RigError, StageDriver};
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 
 /// A board with GRBL 1.1.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -119,5 +123,25 @@ impl Settings {
             return said("reply_ms", self.reply_ms.to_string(), "10 to 60000", "1000 is usual");
         }
         Ok(())
+    }
+}
+
+impl Driver for Settings {
+    fn check(&self) -> Result<(), RigError> {
+        Self::check(self).map_err(RigError::Device)
+    }
+}
+
+impl StageDriver for Settings {
+    fn found(&self, root: &Path) -> Result<Vec<Found>, RigError> {
+        Ok(serial_ports(root))
+    }
+
+    fn means(&self, found: &Found) -> bool {
+        found.is_at(Path::new(&self.port))
+    }
+
+    fn open(&self, _before: Before) -> Result<OpenStage, RigError> {
+        super::open(self).map(OpenStage::alone)
     }
 }

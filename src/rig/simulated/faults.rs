@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 /// Faults of a session, each at one exposure or one move, counted from 0. The count goes on where a run is taken up again
-/// ([`Before`]): a fault that has come and gone does not come again.
+/// ([`crate::rig::Before`]): a fault that has come and gone does not come again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Faults {
@@ -82,15 +82,6 @@ impl Default for Faults {
             slip: None,
         }
     }
-}
-
-/// What the rig has done before a run takes it up again, as the session's journal knows it.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Before {
-    /// Exposures, good and bad.
-    pub exposures: usize,
-    /// Moves to a view.
-    pub moves: usize,
 }
 
 /// A device that fails for some tries, and is then as before.

@@ -9,6 +9,7 @@
 //! The frame is the house's: the grain turns counter-clockwise seen from above, the camera looks along +y.
 
 mod camera;
+mod driver;
 mod exif;
 mod faults;
 mod grain;
@@ -22,14 +23,14 @@ mod stage;
 mod truth;
 
 pub use camera::SimulatedCamera;
-pub use faults::{Before, Faults, Missed, Outage, Slip, Slow};
+pub use faults::{Faults, Missed, Outage, Slip, Slow};
 pub use optics::Optics;
 pub use raster::Window;
 pub use settings::Settings;
 pub use stage::SimulatedStage;
 pub use truth::{Coverage, Exposure, Truth, TruthHandle};
 
-use crate::rig::RigError;
+use crate::rig::{Before, RigError};
 use grainrig_core::geometry::Angle;
 use std::sync::{Arc, Mutex};
 

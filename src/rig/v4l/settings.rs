@@ -1,9 +1,12 @@
 //! The `[v4l2]` settings.
 
-use crate::rig::RigError;
+use super::camera::V4lCamera;
+use crate::rig::discovery::{Found, video_cameras};
+use crate::rig::driver::OpenCamera;
+use crate::rig::{Before, CameraDriver, Driver, RigError, Shutter};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Longest time that any setting may ask for, seconds.
 const LONGEST_S: f64 = 3600.0;
@@ -102,6 +105,30 @@ impl Settings {
             Some(bad) => refuse(format!("v4l2.retry_s has {bad} s"), format!("set 0 to {LONGEST_S} s")),
             None => Ok(()),
         }
+    }
+}
+
+impl Driver for Settings {
+    fn check(&self) -> Result<(), RigError> {
+        Self::check(self)
+    }
+
+    fn built_in(&self) -> Option<bool> {
+        Some(cfg!(feature = "v4l"))
+    }
+}
+
+impl CameraDriver for Settings {
+    fn found(&self, root: &Path) -> Result<Vec<Found>, RigError> {
+        Ok(video_cameras(root))
+    }
+
+    fn means(&self, found: &Found) -> bool {
+        self.device.as_os_str().is_empty() || found.is_at(&self.device)
+    }
+
+    fn open(&self, _before: Before, _shutter: Option<Box<dyn Shutter>>) -> Result<OpenCamera, RigError> {
+        V4lCamera::open(self).map(OpenCamera::of)
     }
 }
 
