@@ -24,14 +24,14 @@ pub fn lab(config: &str, sessions: &[(&str, Value)]) -> (Lab, Daemon) {
     (lab, daemon)
 }
 
-pub fn ask(daemon: &Daemon, request: &Value) -> u64 {
+fn ask(daemon: &Daemon, request: &Value) -> u64 {
     let (code, body) = daemon.post("/jobs", Some(request));
     assert_eq!(code, 202, "{body}");
     body["job"].as_u64().unwrap()
 }
 
 /// The news of a job up to its end.
-pub fn ended(stream: &mut Stream, job: u64) -> Vec<Value> {
+fn ended(stream: &mut Stream, job: u64) -> Vec<Value> {
     let mut news = Vec::new();
     loop {
         let message = stream.next().unwrap_or_else(|| panic!("the stream ended before job {job}: {news:#?}"));
