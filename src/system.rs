@@ -1,7 +1,7 @@
 //! What to do about a refusal of the operating system: one table for everything that reads or writes.
 
 use rustix::io::Errno;
-use std::io::{Error, ErrorKind};
+use std::io::{Error, ErrorKind, Read as _};
 
 /// What to do about the system's refusal to open, read or write a file.
 pub fn remedy(reason: &Error) -> &'static str {
@@ -83,6 +83,19 @@ pub struct FileError {
 /// [`FileError`] with the system's reason and what to do about it.
 pub fn read(path: &std::path::Path) -> Result<Vec<u8>, FileError> {
     std::fs::read(path).map_err(|source| FileError { action: "read", path: path.into(), source })
+}
+
+/// A file's first bytes, and its length.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_head(path: &std::path::Path, most: usize) -> Result<(Vec<u8>, u64), FileError> {
+    let unread = |source| FileError { action: "read", path: path.into(), source };
+    let file = std::fs::File::open(path).map_err(unread)?;
+    let length = file.metadata().map_err(unread)?.len();
+    let mut head = Vec::new();
+    file.take(most as u64).read_to_end(&mut head).map_err(unread)?;
+    Ok((head, length))
 }
 
 #[cfg(test)]

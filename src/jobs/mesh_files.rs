@@ -3,13 +3,11 @@
 use super::JobError;
 use super::error::Of as _;
 use crate::session::write_whole;
-use crate::system::FileError;
 use grainrig_core::formats::{glb, inp, inp_read, msh, nrrd, ply, stl, vtu};
 use grainrig_core::geometry::{Aabb, ImplicitBody, Point, TriangleMesh, Vector};
 use grainrig_core::mesh::{MOST_TRIANGLES, MeshError, Solid, TetMesh, Voxels, check_extent};
 use grainrig_core::report::Sheet;
 use serde::{Deserialize, Serialize};
-use std::io::Read as _;
 use std::path::Path;
 
 /// Endings of surfaces and voxels that are read, and of everything that is written.
@@ -49,13 +47,9 @@ pub fn ending(path: &Path) -> String {
 
 /// Reads a surface, or the surface of a mesh, in mm; and the file's bytes.
 pub(super) fn read(path: &Path, unit: Unit) -> Result<(TriangleMesh, Vec<u8>), JobError> {
-    let unread = |source| FileError { action: "read", path: path.into(), source };
     if ending(path) == "stl" {
         // Said before the file is read, which takes memory.
-        let file = std::fs::File::open(path).map_err(unread)?;
-        let length = file.metadata().map_err(unread)?.len();
-        let mut header = Vec::new();
-        file.take(stl::HEADER as u64).read_to_end(&mut header).map_err(unread)?;
+        let (header, length) = crate::system::read_head(path, stl::HEADER)?;
         let count = stl::announced(&header, length).filter(|n| *n > MOST_TRIANGLES);
         if let Some(count) = count.filter(|n| (stl::HEADER + stl::TRIANGLE * n) as u64 <= length) {
             return Err(MeshError::Triangles { count, limit: MOST_TRIANGLES }).of(path);

@@ -4,14 +4,12 @@ use super::{CompressRequest, CompressResult, OtherCurve, RESULT};
 use crate::jobs::error::Of as _;
 use crate::jobs::{JobError, Names};
 use crate::session::Recording;
-use crate::system::FileError;
+use crate::system::read_head;
 use grainrig_core::contact::experiment::{self, Compliance, Experiment};
-use std::fs::File;
-use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
-/// The most that is read of an export or of another compression's result.
-const MOST_BYTES: u64 = 64 << 20;
+/// The most that is read of an export or of another compression's result, bytes: a million rows.
+const MOST_BYTES: usize = 64 << 20;
 
 /// The curves that are asked for; `recording` is the session whose grain is compressed, where it is one's.
 pub(super) fn others(
@@ -70,19 +68,13 @@ fn folder(given: &Path, names: &Names, recording: Option<&Recording>) -> Result<
 
 /// The bytes of a file that holds so much at most: a sparse one may claim any length, and a device has no end.
 fn bounded(path: &Path, what: &str) -> Result<Vec<u8>, JobError> {
-    let unread = |source| FileError { action: "read", path: path.into(), source };
-    let file = File::open(path).map_err(unread)?;
-    let length = file.metadata().map_err(unread)?.len();
-    let mut bytes = Vec::new();
-    if length <= MOST_BYTES {
-        file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(unread)?;
+    let (bytes, length) = read_head(path, MOST_BYTES + 1)?;
+    if bytes.len() <= MOST_BYTES {
+        return Ok(bytes);
     }
-    if length > MOST_BYTES || bytes.len() as u64 > MOST_BYTES {
-        let size = if length > MOST_BYTES { format!("has {length} bytes") } else { "does not end".into() };
-        return Err(JobError::Content(format!(
-            "{} {size}: {what} has at most {MOST_BYTES} (a million rows); check the path, or export fewer rows",
-            path.display()
-        )));
-    }
-    Ok(bytes)
+    let size = if length > MOST_BYTES as u64 { format!("has {length} bytes") } else { "does not end".into() };
+    Err(JobError::Content(format!(
+        "{} {size}: {what} has at most {MOST_BYTES} (a million rows); check the path, or export fewer rows",
+        path.display()
+    )))
 }
