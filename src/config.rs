@@ -1,5 +1,9 @@
 //! The configuration file: TOML, every key documented in `config/`, unknown keys refused.
 
+mod search;
+
+pub use search::{Found, Place, usual_places};
+
 use crate::acquire::{AcquireSettings, PlanSettings};
 use crate::pipeline::{self, HullSettings, MeshSettings, ReportSettings, TurntableSettings};
 use crate::rig;
@@ -9,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// Everything that a person may set.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
     /// Whether figures that look like slips of unit (a pixel of 4.3 mm) are meant so.
@@ -45,7 +49,7 @@ pub struct Config {
 }
 
 /// Which devices turn and photograph the grain.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RigSettings {
     /// The kind of rig.
@@ -59,7 +63,7 @@ pub struct RigSettings {
 }
 
 /// The kinds of rig.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RigKind {
     /// A rendered grain on a computed stage: no hardware needed.
@@ -70,7 +74,7 @@ pub enum RigKind {
 }
 
 /// What turns the grain.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum StageKind {
     /// A board with grainrig's firmware (`firmware/`), set in `[controller]`.
@@ -83,7 +87,7 @@ pub enum StageKind {
 }
 
 /// What photographs the grain.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum CameraKind {
     /// The simulated camera, which sees the grain at the angle that the stage says it reached: to try a stage out.
@@ -96,7 +100,7 @@ pub enum CameraKind {
 }
 
 /// What releases a DSLR's shutter.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Release {
     /// The camera itself, asked over its own cable.
@@ -107,7 +111,7 @@ pub enum Release {
 }
 
 /// The web service.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ServeSettings {
     /// Address and port to listen on.
@@ -129,12 +133,14 @@ impl Default for ServeSettings {
 pub enum ConfigError {
     /// The file can't be read.
     #[error(
-        "cannot read the configuration {}: {source}; {} (it was given to --config)",
+        "cannot read the configuration {}: {source}; {} ({why})",
         path.display(), crate::system::remedy(source)
     )]
     Read {
         /// The file.
         path: PathBuf,
+        /// Why it was to be read.
+        why: &'static str,
         /// The system's reason.
         source: std::io::Error,
     },
@@ -157,7 +163,13 @@ impl Config {
     /// # Errors
     /// [`ConfigError`] for a file that can't be read, or has an unknown key or a value of the wrong kind.
     pub fn read(path: &Path) -> Result<Self, ConfigError> {
-        let bytes = std::fs::read(path).map_err(|source| ConfigError::Read { path: path.into(), source })?;
+        Self::read_as(path, Place::Flag)
+    }
+
+    fn read_as(path: &Path, place: Place) -> Result<Self, ConfigError> {
+        let why = place.why();
+        let bytes =
+            std::fs::read(path).map_err(|source| ConfigError::Read { path: path.into(), why, source })?;
         let parse = |reason| ConfigError::Parse { path: path.into(), reason };
         let text = String::from_utf8(bytes).map_err(|e| {
             let readable = &e.as_bytes()[..e.utf8_error().valid_up_to()];

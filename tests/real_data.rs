@@ -15,6 +15,8 @@ fn import(folder: &Path, pattern: &str, geometry: &[&str]) -> Value {
     let run = Command::new(env!("CARGO_BIN_EXE_grainrig"))
         .arg("--data")
         .arg(home.path())
+        // No configuration of whoever runs this.
+        .env("XDG_CONFIG_HOME", home.path())
         .args(["--json", "import"])
         .arg(folder)
         .args(["--pattern", pattern, "--name", "one"])

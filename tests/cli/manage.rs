@@ -107,10 +107,12 @@ fn the_environment_names_the_data_folder_and_the_configuration() {
     command.current_dir(lab.path(".")).env("GRAINRIG_DATA", lab.path("elsewhere"));
     command.env("GRAINRIG_CONFIG", lab.path("small.toml"));
     assert!(command.args(["capture", "a"]).output().unwrap().status.success());
+    crate::kit::quiet(&mut command, &lab.path("."));
     assert!(lab.path("elsewhere").join("a/manifest.json").is_file());
     // Whoever set it for all commands is not told at each that it is not used.
     let mut verify = std::process::Command::new(env!("CARGO_BIN_EXE_grainrig"));
     verify.env("GRAINRIG_DATA", lab.path("elsewhere")).env("GRAINRIG_CONFIG", lab.path("small.toml"));
     let ran = verify.args(["verify", "a"]).output().unwrap();
     assert!(ran.status.success() && ran.stderr.is_empty(), "{}", String::from_utf8_lossy(&ran.stderr));
+    crate::kit::quiet(&mut verify, &lab.path("."));
 }

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 /// Faults of a session, each at one exposure or one move, counted from 0. The count goes on where a run is taken up again
 /// ([`Before`]): a fault that has come and gone does not come again.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Faults {
     /// The exposure whose file ends after two thirds of its bytes.
@@ -94,7 +94,7 @@ pub struct Before {
 }
 
 /// A device that fails for some tries, and is then as before.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Outage {
     /// The exposure, or the move, at which it begins.
@@ -115,7 +115,7 @@ impl Outage {
 }
 
 /// An exposure that takes long.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Slow {
     /// The exposure.
@@ -125,7 +125,7 @@ pub struct Slow {
 }
 
 /// A move that ends elsewhere.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Missed {
     /// The move.
@@ -135,7 +135,7 @@ pub struct Missed {
 }
 
 /// A grain that turns on its pedestal.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Slip {
     /// The first exposure that sees the grain turned.
