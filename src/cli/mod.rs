@@ -116,6 +116,19 @@ impl Common {
         Ok(config)
     }
 
+    /// A folder that nobody named is made by the first capture; one that was named and is not there is a slip.
+    fn named_data_is_there(&self) -> Result<()> {
+        let is_named = self.data_by.is_some_and(|by| by != ValueSource::DefaultValue);
+        let is_absent = || self.data.try_exists().is_ok_and(|there| !there);
+        if is_named && is_absent() {
+            return Err(usage(format!(
+                "there is no data folder {}; check what --data or {DATA_ENV} says, or make it by `grainrig capture NAME`",
+                self.data.display()
+            )));
+        }
+        Ok(())
+    }
+
     fn store(&self) -> Store {
         Store::new(&self.data)
     }

@@ -29,6 +29,7 @@ pub struct RemoveArguments {
 
 /// The sessions, the newest first.
 pub(super) fn list(common: &Common) -> Result<()> {
+    common.named_data_is_there()?;
     let mut all = common.store().list()?;
     all.sort_by(|a, b| b.created.cmp(&a.created).then_with(|| a.name.cmp(&b.name)));
     if common.json {

@@ -7,6 +7,9 @@ use serde_json::{Value, json};
 #[test]
 fn sessions_are_listed_and_shown() {
     let lab = Lab::new();
+    // A folder that was named is there.
+    lab.run(&["list"]).fails(2, &["there is no data folder", "data", "--data"]);
+    std::fs::create_dir(lab.path("data")).unwrap();
     let empty = lab.run(&["list"]).succeeds();
     assert_eq!(empty.stdout, "");
     assert!(empty.stderr.contains("grainrig capture"), "{}", empty.stderr);
@@ -104,15 +107,15 @@ fn a_program_reads_errors_as_json() {
 fn the_environment_names_the_data_folder_and_the_configuration() {
     let lab = Lab::new();
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_grainrig"));
+    crate::kit::quiet(&mut command, &lab.path("."));
     command.current_dir(lab.path(".")).env("GRAINRIG_DATA", lab.path("elsewhere"));
     command.env("GRAINRIG_CONFIG", lab.path("small.toml"));
     assert!(command.args(["capture", "a"]).output().unwrap().status.success());
-    crate::kit::quiet(&mut command, &lab.path("."));
     assert!(lab.path("elsewhere").join("a/manifest.json").is_file());
     // Whoever set it for all commands is not told at each that it is not used.
     let mut verify = std::process::Command::new(env!("CARGO_BIN_EXE_grainrig"));
+    crate::kit::quiet(&mut verify, &lab.path("."));
     verify.env("GRAINRIG_DATA", lab.path("elsewhere")).env("GRAINRIG_CONFIG", lab.path("small.toml"));
     let ran = verify.args(["verify", "a"]).output().unwrap();
     assert!(ran.status.success() && ran.stderr.is_empty(), "{}", String::from_utf8_lossy(&ran.stderr));
-    crate::kit::quiet(&mut verify, &lab.path("."));
 }
