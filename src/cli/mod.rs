@@ -12,6 +12,7 @@ mod help;
 mod import;
 mod local_compressions;
 mod local_rig;
+mod logging;
 mod merge;
 mod mesh;
 mod mesh_files;
@@ -33,7 +34,7 @@ use crate::session::Store;
 use anyhow::Result;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
-use std::io::IsTerminal as _;
+use logging::LogFormat;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -90,6 +91,12 @@ struct Common {
     /// Print one result object (JSON) on stdout; progress and logs stay on stderr.
     #[arg(long, global = true, help_heading = COMMON)]
     json: bool,
+    /// The form of what goes to standard error: `text`, or `json`, an object a line.
+    #[arg(
+        long, global = true, value_enum, value_name = "FORMAT", env = logging::FORMAT_ENV, default_value = "text",
+        help_heading = COMMON
+    )]
+    log_format: LogFormat,
     /// What named the configuration.
     #[arg(skip)]
     config_by: Option<ValueSource>,
@@ -244,19 +251,9 @@ pub fn run() -> ExitCode {
     if let Command::CameraWorker = cli.command {
         return crate::rig::gphoto::worker::run();
     }
-    tracing_subscriber::fmt()
-        .with_env_filter(
-            tracing_subscriber::EnvFilter::try_from_env("GRAINRIG_LOG")
-                .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn")),
-        )
-        .with_writer(std::io::stderr)
-        // Colours are for eyes: a file or a service's journal would keep their codes.
-        .with_ansi(std::io::stderr().is_terminal())
-        // A log that nobody can read any more must not end the job.
-        .log_internal_errors(false)
-        .init();
+    logging::begin(cli.common.log_format);
     if let Err(error) = enough_files() {
-        output::say(format!("error: {error}"));
+        output::say_error(error);
         return ExitCode::FAILURE;
     }
     signals::survive_file_limit();
@@ -303,7 +300,7 @@ pub fn run() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             let text = told(&error);
-            output::say(format!("error: {text}"));
+            output::say_error(&text);
             let kind = kind(&error);
             if common.json {
                 output::print_error(kind, &text);

@@ -1,11 +1,13 @@
 //! What a person or a program reads: a reader that has gone away ends no job.
 
+use super::logging;
 use crate::daemon::ErrorKind as Kind;
 use crate::session::to_json;
 use anyhow::{Context as _, Result};
 use std::fmt::Display;
 use std::io::{ErrorKind, Write as _};
 use std::sync::atomic::{AtomicBool, Ordering};
+use tracing::Level;
 
 /// Prints on standard output. A closed pipe (`| head -1`) is no error: what was computed is on the disk.
 pub(super) fn print(text: &str) -> Result<()> {
@@ -28,7 +30,20 @@ pub(super) fn print_json(value: &impl serde::Serialize) -> Result<()> {
 
 /// Says a line on standard error; where nobody can read it the job goes on all the same.
 pub(super) fn say(line: impl Display) {
-    let _ = writeln!(std::io::stderr(), "{line}");
+    say_at(Level::INFO, line);
+}
+
+/// Says what went wrong.
+pub(super) fn say_error(error: impl Display) {
+    say_at(Level::ERROR, format_args!("error: {error}"));
+}
+
+fn say_at(level: Level, line: impl Display) {
+    let _ = if logging::is_json() {
+        writeln!(std::io::stderr(), "{}", logging::line(level, &line.to_string()))
+    } else {
+        writeln!(std::io::stderr(), "{line}")
+    };
 }
 
 /// Prints an error as the one object, where there is none yet: a replay that differs has told its result.

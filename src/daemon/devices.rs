@@ -5,7 +5,7 @@ use crate::rig::discovery::{Role, discover};
 use crate::rig::gphoto::{GphotoCamera, Launch};
 use crate::rig::simulated::{self, Before, TruthHandle};
 use crate::rig::v4l::V4lCamera;
-use crate::rig::{Camera, RigError, RotationStage, controller, grbl};
+use crate::rig::{Camera, RigError, RotationStage, controller, grbl, traced_camera, traced_stage};
 use crate::session::Recording;
 use crate::session::event::Happening;
 use grainrig_core::geometry::Angle;
@@ -18,6 +18,13 @@ pub(super) struct Rig {
     pub(super) camera: Box<dyn Camera>,
     /// What only a simulated rig knows.
     pub(super) truth: Option<TruthHandle>,
+}
+
+impl Rig {
+    /// With its requests in the log.
+    fn traced(self) -> Self {
+        Self { stage: traced_stage(self.stage), camera: traced_camera(self.camera), truth: self.truth }
+    }
 }
 
 /// Opens the rig that the configuration names.
@@ -47,6 +54,10 @@ pub(super) fn before(recording: &Recording) -> Before {
 /// The same, of a session that is taken up after what it has had the rig do before: a simulated one's faults go on from
 /// there.
 pub(super) fn take_up(config: &Config, before: Before) -> Result<Rig, RigError> {
+    opened(config, before).map(Rig::traced)
+}
+
+fn opened(config: &Config, before: Before) -> Result<Rig, RigError> {
     match config.rig.kind {
         RigKind::Simulated => {
             let (stage, camera, truth) = simulated::take_up(&config.simulated, before)?;
@@ -91,11 +102,12 @@ pub(super) fn open_camera(config: &Config) -> Result<Box<dyn Camera>, RigError> 
         RigKind::Simulated => CameraKind::Simulated,
         RigKind::Hardware => config.rig.camera,
     };
-    Ok(match kind {
+    let camera: Box<dyn Camera> = match kind {
         CameraKind::Simulated => Box::new(simulated::open(&config.simulated)?.1),
         CameraKind::Gphoto2 => Box::new(GphotoCamera::open(&config.gphoto2, Launch::this_program())?),
         CameraKind::V4l2 => Box::new(V4lCamera::open(&config.v4l2)?),
-    })
+    };
+    Ok(traced_camera(camera))
 }
 
 /// A stage that the simulated camera sees turn.

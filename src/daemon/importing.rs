@@ -6,6 +6,7 @@ use crate::config::Config;
 use crate::pipeline::{Cameras, LengthUnit, TurntableSettings};
 use crate::session::Store;
 use crate::session::import::{ImportRequest, scan};
+use crate::trace;
 use grainrig_core::plausible;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -30,6 +31,17 @@ pub enum ImportGeometry {
 /// [`DaemonError`]; where a photograph or a camera can't be used, nothing is left of the session. Where only the
 /// computation fails the session stays.
 pub fn import(
+    data: &Path,
+    name: &str,
+    config: &Config,
+    request: &ImportRequest,
+    geometry: ImportGeometry,
+    watcher: &Watcher,
+) -> Result<Finished, DaemonError> {
+    trace::job("import", name, || imported(data, name, config, request, geometry, watcher))
+}
+
+fn imported(
     data: &Path,
     name: &str,
     config: &Config,

@@ -17,6 +17,7 @@ use crate::session::replay::replay as play;
 use crate::session::{
     Manifest, Origin, PlannedView, Session, State, Store, check_space, damage, required_bytes, write_whole,
 };
+use crate::trace;
 use grainrig_core::geometry::Angle;
 use std::path::Path;
 use std::sync::mpsc::{SyncSender, sync_channel};
@@ -252,6 +253,16 @@ impl Begun {
         control: &Control,
         watcher: &Watcher,
     ) -> Result<Finished, DaemonError> {
+        let name = self.session.recording().manifest().name.clone();
+        trace::job("capture", &name, || self.capture(truth, control, watcher))
+    }
+
+    fn capture(
+        self,
+        truth: Option<&Path>,
+        control: &Control,
+        watcher: &Watcher,
+    ) -> Result<Finished, DaemonError> {
         let Self { mut session, mut rig, mesh, gates } = self;
         let watch = Arc::clone(watcher);
         session.observe(move |e| watch(e));
@@ -264,8 +275,10 @@ impl Begun {
         let session = Arc::new(Mutex::new(session));
         let (send, receive) = sync_channel(WAITING_VIEWS);
         let clock = SystemClock::new();
+        let span = tracing::Span::current();
         let outcome = std::thread::scope(|scope| {
-            let computing = scope.spawn(|| pipeline.run(receive, &|what| note(&session, what)));
+            let computing =
+                scope.spawn(|| span.in_scope(|| pipeline.run(receive, &|what| note(&session, what))));
             // Where pictures are judged before they are kept, that cuts them out and the pipeline does not.
             let mut gate = gates.then(|| Gate::new(&pipeline));
             let through = |view: View| match &mut gate {

@@ -9,6 +9,7 @@ use crate::pipeline::{
 };
 use crate::session::event::Happening;
 use crate::session::{Manifest, MergeSource, Origin, Plan, Recording, SessionError, Store, check_name};
+use crate::trace;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
@@ -21,6 +22,15 @@ use std::time::Instant;
 /// # Errors
 /// [`DaemonError`]; nothing is written then.
 pub fn merge(
+    poses: [&Path; 2],
+    out: &Path,
+    mesh: Option<&MeshSettings>,
+    watcher: &Watcher,
+) -> Result<Finished, DaemonError> {
+    trace::job_of("merge", out, || merged(poses, out, mesh, watcher))
+}
+
+fn merged(
     [a, b]: [&Path; 2],
     out: &Path,
     mesh: Option<&MeshSettings>,

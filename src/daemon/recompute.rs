@@ -6,6 +6,7 @@ use crate::config::Config;
 use crate::pipeline::MeshSettings;
 use crate::session::event::{Happening, JobKind};
 use crate::session::{Store, verify};
+use crate::trace;
 use serde::Deserialize;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -113,7 +114,7 @@ impl ComputeRequest {
                 Err(DaemonError::Differs { products: done.differs, software: done.finished.result.software })
             }
             Self::Verify { session } => {
-                let report = verify(&store.folder(session)?)?;
+                let report = trace::job("verify", session, || verify(&store.folder(session)?))?;
                 if report.is_sound() {
                     return Ok(());
                 }

@@ -9,6 +9,7 @@ use crate::rig::Frame;
 use crate::session::event::{Event, Happening};
 use crate::session::replay::replay as play;
 use crate::session::{Origin, Plan, PlannedView, Recording, Session, SessionError};
+use crate::trace;
 use grainrig_core::formats::Photograph;
 use grainrig_core::geometry::Angle;
 use std::path::Path;
@@ -72,6 +73,16 @@ pub(super) fn send_recorded(
 /// # Errors
 /// [`DaemonError`]; the session's pictures are only read.
 pub fn reconstruct(
+    folder: &Path,
+    mesh: Option<&MeshSettings>,
+    pictures: bool,
+    as_given: bool,
+    watcher: &Watcher,
+) -> Result<Finished, DaemonError> {
+    trace::job_of("reconstruct", folder, || reconstructed(folder, mesh, pictures, as_given, watcher))
+}
+
+fn reconstructed(
     folder: &Path,
     mesh: Option<&MeshSettings>,
     pictures: bool,
@@ -226,6 +237,10 @@ pub struct Replayed {
 /// # Errors
 /// [`DaemonError`] where views are missing, a file has changed, or the computation fails.
 pub fn replay(folder: &Path, watcher: &Watcher) -> Result<Replayed, DaemonError> {
+    trace::job_of("replay", folder, || replayed(folder, watcher))
+}
+
+fn replayed(folder: &Path, watcher: &Watcher) -> Result<Replayed, DaemonError> {
     let mut recording = Recording::read(folder)?;
     if recording.is_unsettled() || finish::lacks_end(&recording) {
         // A run was killed while it put its products in their place.
@@ -265,8 +280,9 @@ fn played(
     let (send, receive) = sync_channel(WAITING_VIEWS);
     let numbered = Numbered::new(watcher);
     std::thread::scope(|scope| {
-        let (numbered, plan) = (&numbered, &plan);
+        let (numbered, plan, span) = (&numbered, &plan, tracing::Span::current());
         let acquiring = scope.spawn(move || {
+            let _within = span.entered();
             let (mut stage, mut camera) = play(recording.clone());
             let mut sink = ReplaySink { recording, send, numbered };
             acquire::run(&mut stage, &mut camera, plan, &mut sink, &Control::new(), &SystemClock::new())

@@ -10,11 +10,13 @@ pub mod grbl;
 mod holder;
 mod serial;
 pub mod simulated;
+mod traced;
 pub mod v4l;
 
 pub use grainrig_core::formats::Encoding;
 use grainrig_core::geometry::Angle;
 use std::time::Duration;
+pub use traced::{traced_camera, traced_stage};
 
 /// Turns the grain about the z axis.
 pub trait RotationStage: Send {

@@ -5,6 +5,7 @@ mod config;
 mod disk;
 #[path = "../support/kit/mod.rs"]
 mod kit;
+mod log;
 mod manage;
 mod names;
 mod next;

@@ -28,6 +28,7 @@ pub use shelf::{CompressDetails, CompressFile, CompressLine, CompressState};
 
 use super::DaemonError;
 use crate::session::{Held, hold, read_inside, to_json, to_json_value, write_whole};
+use crate::trace;
 use body::{mesh_bytes, mesh_from};
 use grainrig_core::contact::{
     ContactError, CurvePoint, Loading, Press, Sample, agreement, fit_hertz, hertz, quasi_static, transition,
@@ -151,7 +152,8 @@ impl Compression {
         told: &mut dyn FnMut(CompressProgress),
     ) -> Result<CompressResult, DaemonError> {
         let start = Instant::now();
-        self.run_by(&|| start.elapsed(), others, stop, told)
+        let folder = self.folder.clone();
+        trace::job_of("compress", &folder, || self.run_by(&|| start.elapsed(), others, stop, told))
     }
 
     /// As [`Self::run`], with the time since its beginning as this clock has it.
