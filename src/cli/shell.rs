@@ -1,7 +1,7 @@
 //! `grainrig completions` and `grainrig man`: what a shell and `man` know of the program.
 
 use super::output::print;
-use super::{Cli, Common};
+use super::{Cli, Common, about};
 use anyhow::{Context as _, Result};
 use clap::{Args, CommandFactory as _, ValueEnum};
 use std::path::PathBuf;
@@ -37,8 +37,13 @@ pub(super) fn completions(arguments: &CompletionsArguments) -> Result<()> {
         Shell::Zsh => clap_complete::Shell::Zsh,
         Shell::Fish => clap_complete::Shell::Fish,
     };
+    // What is hidden from people is offered to nobody.
+    let all = Cli::command();
+    let listed = all.get_subcommands().filter(|command| !command.is_hide_set()).cloned();
+    let program = clap::Command::new("grainrig").version(about::SHORT);
+    let mut program = program.args(all.get_arguments().cloned()).subcommands(listed);
     let mut script = Vec::new();
-    clap_complete::generate(shell, &mut Cli::command(), "grainrig", &mut script);
+    clap_complete::generate(shell, &mut program, "grainrig", &mut script);
     print(&String::from_utf8(script)?)
 }
 

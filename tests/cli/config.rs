@@ -110,7 +110,7 @@ fn a_token_is_nobodys_to_see_and_a_bad_value_is_shown_with_its_fault() {
     let lab = Lab::new();
     let file = lab.write("rig.toml", "[serve]\ntoken = \"0123456789abcdef0123\"\n[plan]\nviews = 0\n");
     for form in [&["config"][..], &["config", "--json"]] {
-        let ran = lab.run(&[&["--config", &file], form].concat()).fails(2, &["plan.views"]);
+        let ran = lab.run(&[&["--config", &file], form].concat()).fails(2, &["views is 0"]);
         assert!(ran.stdout.contains("not shown") && !ran.stdout.contains("0123456789"), "{}", ran.stdout);
         assert!(ran.stdout.contains("plan.views"), "{}", ran.stdout);
     }
@@ -150,6 +150,7 @@ fn shells_and_the_manual_know_the_commands() {
         for word in ["capture", "reconstruct", "surface-size-mm"] {
             assert!(script.contains(word), "{shell} has no {word}");
         }
+        assert!(!script.contains("camera-worker"), "{shell} offers what is hidden");
     }
     lab.run(&["completions", "cmd"]).fails(2, &["bash"]);
     assert!(lab.run(&["man"]).succeeds().stdout.starts_with(".ie"));
