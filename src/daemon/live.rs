@@ -202,6 +202,10 @@ pub(super) fn take_up(folder: &Path, quality: Option<QualityMode>) -> Result<Tak
         }
         let (session, views) = (manifest.name.clone(), recording.views().len());
         let mut result = result.clone();
+        // Of a time when forms had no number.
+        if result["schema"].is_null() {
+            result["schema"] = 0.into();
+        }
         // The session may have been moved since.
         result["products"] = serde_json::json!(product_paths(folder, recording.products()));
         return Ok(TakenUp::Nothing(Resumed::NothingToDo { session, views, result }));

@@ -1,6 +1,7 @@
 //! The sessions of the data folder: listed, shown, removed; errors for programs; what the environment says.
 
-use crate::kit::{Lab, VIEWS};
+use crate::kit::{self, Lab, VIEWS};
+use grainrig::session::event::Happening;
 use grainrig::session::{Manifest, MergeSource, Origin, Plan, Session, Store};
 use serde_json::{Value, json};
 
@@ -18,7 +19,10 @@ fn sessions_are_listed_and_shown() {
     assert!(list.starts_with("a ") && list.contains(&format!("{VIEWS} of {VIEWS} views")), "{list}");
     assert!(list.trim_end().ends_with("complete"), "{list}");
     let listed = lab.run(&["list", "--json"]).succeeds().json();
-    assert_eq!((&listed[0]["name"], &listed[0]["state"]), (&json!("a"), &json!("complete")));
+    assert_eq!(
+        (&listed["sessions"][0]["name"], &listed["sessions"][0]["state"]),
+        (&json!("a"), &json!("complete"))
+    );
     let shown = lab.run(&["show", "a", "--json"]).succeeds().json();
     assert_eq!(shown["frames"].as_array().unwrap().len(), VIEWS);
     assert_eq!(shown["result"], *lab.recording("a").result().unwrap());
@@ -101,6 +105,53 @@ fn a_program_reads_errors_as_json() {
     let ran = lab.run(&["--json", "verify", "a"]);
     assert_eq!(ran.code, Some(1));
     assert!(serde_json::from_str::<Value>(&ran.stdout).unwrap()["faults"].is_array(), "{}", ran.stdout);
+}
+
+/// Whoever reads an object can tell which form it has, and what wrote it.
+#[test]
+fn every_object_says_the_version_of_its_form_and_of_the_program() {
+    let lab = Lab::new();
+    let software = concat!("grainrig ", env!("CARGO_PKG_VERSION"));
+    let first = lab.run(&["--json", "--config", "small.toml", "capture", "a"]).succeeds().json();
+    let file: Value =
+        serde_json::from_slice(&kit::read(&lab.session("a").join("products/result.json"))).unwrap();
+    let rest = [
+        &["replay", "a"][..],
+        &["show", "a"],
+        &["verify", "a"],
+        &["list"],
+        &["devices"],
+        &["config"],
+        &["resume", "a"],
+    ];
+    let rest = rest.map(|args| lab.run(&[&["--json"], args].concat()).succeeds().json());
+    let refused: Value = serde_json::from_str(&lab.run(&["--json", "show", "b"]).stdout).unwrap();
+    for object in [first, file, refused].iter().chain(&rest) {
+        assert_eq!((&object["schema"], &object["software"]), (&json!(1), &json!(software)), "{object}");
+    }
+}
+
+/// What an older version recorded is read as it was: its form has no number.
+#[test]
+fn a_result_from_before_its_form_was_numbered_is_told_as_that() {
+    let lab = Lab::new();
+    lab.capture("a").succeeds();
+    // The same session, as a version wrote it that knew no such key.
+    let mut events = lab.recording("a").events().to_vec();
+    let Some(Happening::Complete { result }) = events.last_mut().map(|e| &mut e.what) else {
+        panic!("{events:?}")
+    };
+    let removed = result.as_object_mut().unwrap().shift_remove("schema");
+    assert_eq!(removed, Some(json!(1)));
+    let result = result.clone();
+    let journal = String::from_utf8(kit::read(&lab.session("a").join("journal.jsonl"))).unwrap();
+    let (before, _) = journal.trim_end().rsplit_once('\n').unwrap();
+    std::fs::write(lab.session("a").join("journal.jsonl"), format!("{before}\n")).unwrap();
+    Session::open(&lab.session("a")).unwrap().append(Happening::Complete { result }).unwrap();
+    assert_eq!(lab.run(&["--json", "resume", "a"]).succeeds().json()["schema"], 0);
+    assert!(lab.run(&["--json", "show", "a"]).succeeds().json()["result"].get("schema").is_none());
+    lab.run(&["replay", "a"]).succeeds();
+    lab.assert_sound("a");
 }
 
 #[test]

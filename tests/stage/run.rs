@@ -82,11 +82,11 @@ fn the_doctor_finds_a_board_healthy_and_says_what_ails_one_that_is_not() {
     let ran = lab.run(&["--json", "--config", "mute.toml", "doctor"]);
     let ran = ran.fails(1, &["1 of ", "checks found something that a run would fail on"]);
     let findings: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
-    let rig = findings.as_array().unwrap().iter().find(|f| f["check"] == "rig").unwrap();
+    let rig = findings["findings"].as_array().unwrap().iter().find(|f| f["check"] == "rig").unwrap();
     assert_eq!(rig["health"], "bad");
     assert!(rig["found"].as_str().unwrap().contains("no whole answer"), "{rig}");
     assert!(rig["remedy"].as_str().unwrap().contains("firmware is on the board"), "{rig}");
-    let shot = findings.as_array().unwrap().iter().find(|f| f["check"] == "test shot").unwrap();
+    let shot = findings["findings"].as_array().unwrap().iter().find(|f| f["check"] == "test shot").unwrap();
     assert_eq!(shot["health"], "skipped");
 }
 

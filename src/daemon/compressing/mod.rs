@@ -253,6 +253,8 @@ impl Compression {
             Some(ExperimentResult { file, reading, agreement: agreement(&curve, &o.points) })
         });
         let mut result = CompressResult {
+            schema: 1,
+            software: concat!("grainrig ", env!("CARGO_PKG_VERSION")).into(),
             settings: settings.clone(),
             finished: press.finished(),
             curve,
