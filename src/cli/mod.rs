@@ -77,9 +77,9 @@ const DATA: &str = "data";
 /// Options that every command takes.
 #[derive(Debug, Args)]
 struct Common {
-    /// Configuration (TOML) for a new session. Without it the first that is there of $XDG_CONFIG_HOME/grainrig/config.toml
-    /// (~/.config where that is not set) and /etc/grainrig/config.toml, else the simulated rig. `grainrig config --default`
-    /// shows every key with its unit and default.
+    /// Configuration (TOML) for a new session. Without it the first that is there of `$XDG_CONFIG_HOME/grainrig/config.toml`
+    /// (`~/.config` where that is not set) and `/etc/grainrig/config.toml`, else the simulated rig. `grainrig config
+    /// --default` shows every key with its unit and default.
     #[arg(long, global = true, value_name = "FILE", env = CONFIG_ENV, help_heading = COMMON)]
     config: Option<PathBuf>,
     /// Folder that holds the sessions.

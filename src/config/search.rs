@@ -74,7 +74,7 @@ impl Found {
             match path.symlink_metadata() {
                 Ok(_) => return Ok(Self { place, path: Some(path), absent }),
                 Err(e) if matches!(e.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
-                    absent.push(path)
+                    absent.push(path);
                 }
                 Err(source) => return Err(ConfigError::Read { path, why: place.why(), source }),
             }

@@ -36,7 +36,7 @@ fn told<T>(
     })
 }
 
-fn at(reached: &Angle) -> String {
+fn at(reached: Angle) -> String {
     format!("at {:.4}°", reached.deg())
 }
 
@@ -46,17 +46,17 @@ fn got(frame: &Frame) -> String {
 
 impl RotationStage for Traced<dyn RotationStage> {
     fn home(&mut self) -> Result<Angle, RigError> {
-        told(&debug_span!("stage", verb = "home"), || self.0.home(), at)
+        told(&debug_span!("stage", verb = "home"), || self.0.home(), |reached| at(*reached))
     }
 
     fn take_up(&mut self, stands: Angle) -> Result<Angle, RigError> {
         let span = debug_span!("stage", verb = "take_up", stands_deg = stands.deg());
-        told(&span, || self.0.take_up(stands), at)
+        told(&span, || self.0.take_up(stands), |reached| at(*reached))
     }
 
     fn move_to(&mut self, target: Angle) -> Result<Angle, RigError> {
         let span = debug_span!("stage", verb = "move_to", target_deg = target.deg());
-        told(&span, || self.0.move_to(target), at)
+        told(&span, || self.0.move_to(target), |reached| at(*reached))
     }
 
     fn describe(&self) -> String {

@@ -43,7 +43,7 @@ fn every_key(text: &str) -> toml::Table {
     let mut section = String::new();
     for line in text.lines() {
         if let Some(name) = line.strip_prefix('[') {
-            section = name.trim_end_matches(']').to_owned();
+            name.trim_end_matches(']').clone_into(&mut section);
         }
         let is_pair = |l: &&str| l.split_once(" = ").is_some_and(|(key, _)| !key.contains(' '));
         let Some(pair) = Some(line.trim_start_matches("# ")).filter(is_pair) else { continue };
