@@ -189,3 +189,20 @@ pub struct CompressProgress<'a> {
     /// The newest sample.
     pub sample: &'a Sample,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn energies_of_a_result_from_before_forms_were_numbered_are_read() {
+        let keys = ["kinetic", "internal", "external", "plastic", "viscous", "damping", "friction", "impact"];
+        let of = |unit: &str| {
+            let named = keys.iter().zip(1..).map(|(key, value)| (format!("{key}{unit}"), value.into()));
+            serde_json::Value::Object(named.chain([("balance_error".to_owned(), 0.25.into())]).collect())
+        };
+        let [old, new] = ["", "_n_mm"].map(|unit| serde_json::from_value::<EnergyResult>(of(unit)).unwrap());
+        assert_eq!(old, new);
+        assert_eq!((old.kinetic, old.impact, old.balance_error), (1.0, 8.0, Some(0.25)));
+    }
+}
