@@ -1,5 +1,9 @@
 //! The configuration file: TOML, every key documented in `config/`, unknown keys refused.
 
+mod search;
+
+pub use search::{Found, Place, usual_places};
+
 use crate::acquire::{AcquireSettings, PlanSettings};
 use crate::pipeline::{self, HullSettings, MeshSettings, ReportSettings, TurntableSettings};
 use crate::rig::{CameraDriver, Driver, StageDriver};
@@ -18,7 +22,7 @@ macro_rules! config {
         cameras { $($(#[$_of_camera:meta])* $Camera:ident = $camera:ident,)* }
     ) => {
         /// Everything that a person may set.
-        #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+        #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
         #[serde(deny_unknown_fields, default)]
         pub struct Config {
             /// Whether figures that look like slips of unit (a pixel of 4.3 mm) are meant so.
@@ -64,7 +68,7 @@ macro_rules! config {
 crate::rig::drivers!(config);
 
 /// Which devices turn and photograph the grain.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RigSettings {
     /// The kind of rig.
@@ -78,7 +82,7 @@ pub struct RigSettings {
 }
 
 /// The kinds of rig.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RigKind {
     /// A rendered grain on a computed stage: no hardware needed.
@@ -89,7 +93,7 @@ pub enum RigKind {
 }
 
 /// What releases a DSLR's shutter.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Release {
     /// The camera itself, asked over its own cable.
@@ -100,7 +104,7 @@ pub enum Release {
 }
 
 /// The web service.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ServeSettings {
     /// Address and port to listen on.
@@ -122,12 +126,14 @@ impl Default for ServeSettings {
 pub enum ConfigError {
     /// The file can't be read.
     #[error(
-        "cannot read the configuration {}: {source}; {} (it was given to --config)",
+        "cannot read the configuration {}: {source}; {} ({why})",
         path.display(), crate::system::remedy(source)
     )]
     Read {
         /// The file.
         path: PathBuf,
+        /// Why it was to be read.
+        why: &'static str,
         /// The system's reason.
         source: std::io::Error,
     },
@@ -150,7 +156,13 @@ impl Config {
     /// # Errors
     /// [`ConfigError`] for a file that can't be read, or has an unknown key or a value of the wrong kind.
     pub fn read(path: &Path) -> Result<Self, ConfigError> {
-        let bytes = std::fs::read(path).map_err(|source| ConfigError::Read { path: path.into(), source })?;
+        Self::read_as(path, Place::Flag)
+    }
+
+    fn read_as(path: &Path, place: Place) -> Result<Self, ConfigError> {
+        let why = place.why();
+        let bytes =
+            std::fs::read(path).map_err(|source| ConfigError::Read { path: path.into(), why, source })?;
         let parse = |reason| ConfigError::Parse { path: path.into(), reason };
         let text = String::from_utf8(bytes).map_err(|e| {
             let readable = &e.as_bytes()[..e.utf8_error().valid_up_to()];

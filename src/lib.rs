@@ -13,3 +13,4 @@ pub mod rig;
 pub mod server;
 pub mod session;
 pub mod system;
+pub mod trace;

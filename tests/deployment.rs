@@ -178,7 +178,7 @@ fn the_doctors_remedy_is_one_however_the_cameras_process_dies() {
         let done = command.env("LD_PRELOAD", &library).env("GRAINRIG_DYING", how).output().unwrap();
         assert_eq!(done.status.code(), Some(1), "{how}");
         let findings: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
-        let rig = findings.as_array().unwrap().iter().find(|f| f["check"] == "rig").unwrap();
+        let rig = findings["findings"].as_array().unwrap().iter().find(|f| f["check"] == "rig").unwrap();
         let [told, remedy] = ["found", "remedy"].map(|key| rig[key].as_str().unwrap_or_default());
         assert!(told.contains(found) && told.contains("(2 tries)"), "{how}: {told}");
         assert!(remedy.starts_with("check the cable and the battery"), "{how}: {remedy}");

@@ -119,6 +119,8 @@ fn imported_volume(folder: &Path) -> f64 {
     let run = Command::new(env!("CARGO_BIN_EXE_grainrig"))
         .arg("--data")
         .arg(home.path())
+        // No configuration of whoever runs this.
+        .env("XDG_CONFIG_HOME", home.path())
         .args(["--json", "import"])
         .arg(folder)
         .args(["--pattern", "grain_*.png", "--name", "one", "--step-deg", "7.2", "--closing-view", "25"])

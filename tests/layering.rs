@@ -4,8 +4,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The program, from its roof down; all of it stands on the core, which cannot know it.
-const PROGRAM: [&str; 11] =
-    ["main", "cli", "server", "jobs", "config", "acquire", "pipeline", "session", "rig", "system", "lib"];
+const PROGRAM: [&str; 12] = [
+    "main", "cli", "server", "jobs", "config", "acquire", "pipeline", "session", "rig", "system", "trace",
+    "lib",
+];
 /// The core. A step of the computation may import the steps whose values it takes, so the way of the data runs upwards from
 /// geometry.
 const CORE: [&str; 12] = [

@@ -254,7 +254,7 @@ impl Help {
 /// Commands with commands of their own.
 const NESTED: [&str; 2] = ["calibrate", "study"];
 /// Options before a command that take a value.
-const VALUED: [&str; 2] = ["--config", "--data"];
+const VALUED: [&str; 3] = ["--config", "--data", "--log-format"];
 
 /// What is wrong with a command line of this program; `words` are those after its name.
 fn fault(words: &[&str], help: &mut Help) -> Option<String> {

@@ -15,6 +15,8 @@ fn import(folder: &Path, pattern: &str, geometry: &[&str]) -> Value {
     let run = Command::new(env!("CARGO_BIN_EXE_grainrig"))
         .arg("--data")
         .arg(home.path())
+        // No configuration of whoever runs this.
+        .env("XDG_CONFIG_HOME", home.path())
         .args(["--json", "import"])
         .arg(folder)
         .args(["--pattern", pattern, "--name", "one"])
@@ -152,7 +154,7 @@ fn a_toy_dinosaur_before_a_blue_screen_is_one_shape_from_all_sides() {
     assert!(result["mesh"]["volume_mm3"].is_null());
     for view in result["view_details"].as_array().unwrap() {
         // The digitiser's black lines: columns 694 … 719 and rows 0 … 1 at least.
-        let frame = view["silhouette"]["frame"].as_array().unwrap();
+        let frame = view["silhouette"]["frame_px"].as_array().unwrap();
         let frame: Vec<u64> = frame.iter().map(|v| v.as_u64().unwrap()).collect();
         assert!(frame[0] == 0 && (2..8).contains(&frame[1]) && (680..695).contains(&frame[2]), "{frame:?}");
     }

@@ -68,6 +68,35 @@ pub enum Phase {
     Failed,
 }
 
+impl Phase {
+    /// The view that it is about.
+    pub const fn view(self) -> Option<usize> {
+        match self {
+            Self::Moving { view }
+            | Self::Settling { view }
+            | Self::Exposing { view, .. }
+            | Self::Storing { view } => Some(view),
+            _ => None,
+        }
+    }
+
+    /// What is done in it, in one word.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Idle => "begin",
+            Self::Homing => "home",
+            Self::Moving { .. } => "move",
+            Self::Settling { .. } => "settle",
+            Self::Exposing { .. } => "expose",
+            Self::Storing { .. } => "wait for the picture's fate",
+            Self::Paused => "pause",
+            Self::Complete => "complete",
+            Self::Aborted => "abort",
+            Self::Failed => "fail",
+        }
+    }
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Wish {
     #[default]

@@ -19,7 +19,7 @@ const LONGEST_SETTLE_MS: u64 = 60_000;
 const MOST_RETAKES: u32 = 20;
 
 /// The `[plan]` settings.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlanSettings {
     /// Views of the grain, without the closing view.

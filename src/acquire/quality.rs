@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// The `[acquire]` settings.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AcquireSettings {
     /// What becomes of a picture that is out of focus, shaken, overexposed, obstructed or a copy of another.
@@ -12,7 +12,8 @@ pub struct AcquireSettings {
 
 /// What becomes of a picture that is no good.
 #[derive(
-    Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema, clap::ValueEnum,
+    Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema, schemars::JsonSchema,
+    clap::ValueEnum,
 )]
 #[serde(rename_all = "snake_case")]
 pub enum QualityMode {

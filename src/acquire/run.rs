@@ -11,6 +11,7 @@ use crate::session::{Plan, PlannedView, as_recorded};
 use grainrig_core::geometry::Angle;
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
+use tracing::{Span, debug, debug_span};
 
 /// How a run ended that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,7 +65,9 @@ pub fn run(
         let next = match phase {
             Phase::Complete => return Ok(Outcome::Complete { captured: run.captured }),
             Phase::Aborted => return Ok(Outcome::Aborted { captured: run.captured }),
-            _ => run.checkpoint(phase).and_then(|stop| stop.map_or_else(|| run.step(phase), Ok)),
+            _ => run
+                .span(phase)
+                .in_scope(|| run.checkpoint(phase).and_then(|stop| stop.map_or_else(|| run.told(phase), Ok))),
         };
         phase = match next {
             Ok(phase) => phase,
@@ -172,6 +175,25 @@ impl Run<'_> {
             return Ok(Some(Phase::Aborted));
         }
         Ok(None)
+    }
+
+    /// What the log's lines of a phase have in common: its view.
+    fn span(&self, phase: Phase) -> Span {
+        let Some(index) = phase.view() else { return Span::none() };
+        let angle_deg = self.plan.views.iter().find(|v| v.index == index).map(|v| v.angle_deg);
+        debug_span!("view", index, angle_deg)
+    }
+
+    /// Does a phase's work, and has the log tell of it.
+    fn told(&mut self, phase: Phase) -> Result<Phase, AcquireError> {
+        let from = self.clock.now();
+        let next = self.step(phase);
+        let ms = self.clock.now().saturating_sub(from).as_micros() as f64 / 1e3;
+        match &next {
+            Ok(_) => debug!(ms, ?phase, outcome = "done", "{}", phase.name()),
+            Err(error) => debug!(ms, ?phase, outcome = "failed", %error, "{}", phase.name()),
+        }
+        next
     }
 
     /// Does a phase's work; the phase that follows.

@@ -4,10 +4,13 @@ use crate::rig::Frame;
 use crate::session::event::{CapturedView, Happening};
 use crate::session::picture::{Size, probe};
 use crate::session::{PlannedView, Session, SessionError};
+use crate::trace::ms_since;
 use grainrig_core::geometry::Angle;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{Scope, ScopedJoinHandle};
+use std::time::Instant;
+use tracing::{Span, debug, debug_span};
 
 /// What an earlier run has captured.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -99,7 +102,8 @@ impl<'scope> SessionSink<'scope> {
         let (offers, offered) = sync_channel(1);
         let (tell, fates) = channel();
         let keeps = Arc::clone(&session);
-        let keeper = scope.spawn(move || keep(&keeps, judge, &offered, &tell));
+        let span = Span::current();
+        let keeper = scope.spawn(move || span.in_scope(|| keep(&keeps, judge, &offered, &tell)));
         Self { session, offers, fates, keeper: Some(keeper), waits: false }
     }
 }
@@ -117,14 +121,23 @@ fn keep(
     tell: &Sender<Result<Fate, SessionError>>,
 ) {
     for Offered { view, reached, frame, remaining_s } in offered {
+        let _within = debug_span!("view", index = view.index, angle_deg = view.angle_deg).entered();
+        let begun = Instant::now();
         let (fate, captured) = match judge.examine(&view, reached, &frame) {
             Err(cause) => {
+                debug!(ms = ms_since(begun), outcome = "refused", cause, "store");
                 keep_rejected(session, &view, &frame);
                 (Ok(Fate::Refused(cause)), None)
             }
             Ok(seen) => match lock(session).record_frame(view.index, reached, &frame, remaining_s) {
-                Ok(captured) => (Ok(Fate::Kept), Some((captured, seen))),
-                Err(error) => (Err(error), None),
+                Ok(captured) => {
+                    debug!(ms = ms_since(begun), outcome = "kept", file = captured.file, "store");
+                    (Ok(Fate::Kept), Some((captured, seen)))
+                }
+                Err(error) => {
+                    debug!(ms = ms_since(begun), outcome = "failed", %error, "store");
+                    (Err(error), None)
+                }
             },
         };
         // Where the run is gone nobody wants to know; the picture is kept all the same.

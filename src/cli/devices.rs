@@ -5,11 +5,12 @@ use super::output::{print, print_json};
 use crate::jobs::{self, DeviceLine};
 use crate::rig::discovery::Role;
 use anyhow::Result;
+use std::collections::BTreeMap;
 
 pub(super) fn run(common: &Common) -> Result<()> {
     let devices = jobs::devices(&common.config()?)?;
     if common.json {
-        return print_json(&devices);
+        return print_json(&BTreeMap::from([("devices", &devices)]));
     }
     let lines: Vec<String> = devices.iter().map(line).collect();
     print(&lines.concat())

@@ -4,6 +4,7 @@ use super::Common;
 use super::output::{print, print_json};
 use crate::jobs::{self, Finding, Health};
 use anyhow::{Result, bail};
+use std::collections::BTreeMap;
 
 pub(super) fn run(common: &Common) -> Result<()> {
     let config = common.config()?;
@@ -16,7 +17,7 @@ pub(super) fn run(common: &Common) -> Result<()> {
     });
     failed?;
     if common.json {
-        print_json(&findings)?;
+        print_json(&BTreeMap::from([("findings", &findings)]))?;
     }
     let bad = findings.iter().filter(|f| f.health == Health::Bad).count();
     if bad > 0 {

@@ -7,6 +7,7 @@ use crate::rig::Frame;
 use crate::session::write_whole;
 use anyhow::{Context as _, Result};
 use clap::Args;
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -37,7 +38,7 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         ControlFlow::Continue(())
     })?;
     failed?;
-    if common.json { print_json(&all) } else { Ok(()) }
+    if common.json { print_json(&BTreeMap::from([("pictures", &all)])) } else { Ok(()) }
 }
 
 fn show(common: &Common, arguments: &Arguments, focused: &Focused, frame: &Frame) -> Result<()> {

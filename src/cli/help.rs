@@ -2,8 +2,8 @@
 
 pub(super) const ALL: &str = "\
 Exit codes: 0 done; 1 it failed, what was captured stays; 2 the command line or the configuration is wrong.
-Logs go to standard error; GRAINRIG_LOG=info (debug, trace) shows more of them. GRAINRIG_DATA and GRAINRIG_CONFIG stand for
---data and --config. With --json an error is an object, too: {\"error\": {\"kind\": …, \"message\": …}}, where kind is usage,
+Logs go to standard error; GRAINRIG_LOG=info (debug, trace) shows more of them, --log-format json makes objects of them.
+GRAINRIG_DATA and GRAINRIG_CONFIG stand for --data and --config; `grainrig config` shows what is set, and what set it. With --json an error is an object, too: {\"error\": {\"kind\": …, \"message\": …}}, where kind is usage,
 busy, absent or failed. Linux only.";
 
 pub(super) const SERVE: &str = "\
@@ -156,3 +156,23 @@ Examples:
 
 Turn the lens until the sharpness is greatest. Where a grain is found, the blur of its outline (the standard deviation,
 pixels of the picture shown) says how good that is. No picture is kept on the camera, and the stage does not move.";
+
+pub(super) const CONFIG: &str = "\
+Examples:
+  grainrig config                                         every key, its value and what set it
+  grainrig config --config lab.toml --json
+  grainrig config --default > ~/.config/grainrig/config.toml
+  grainrig config --schema > grainrig.schema.json         for an editor: begin the file with #:schema ./grainrig.schema.json
+
+What is shown is a configuration itself. A named file (--config, GRAINRIG_CONFIG) is used alone, and must be there.";
+
+pub(super) const COMPLETIONS: &str = "\
+Examples:
+  grainrig completions bash > ~/.local/share/bash-completion/completions/grainrig
+  grainrig completions zsh > ~/.zfunc/_grainrig           a folder of $fpath
+  grainrig completions fish > ~/.config/fish/completions/grainrig.fish";
+
+pub(super) const MAN: &str = "\
+Examples:
+  grainrig man | man -l -
+  grainrig man --out /usr/local/share/man/man1";

@@ -1,8 +1,10 @@
 //! The command line: a file per command; `--help` teaches.
 
+mod about;
 mod calibrate;
 mod capture;
 mod compress;
+mod config;
 mod devices;
 mod doctor;
 mod focus;
@@ -11,6 +13,7 @@ mod import;
 mod local_compressions;
 mod local_files;
 mod local_rig;
+mod logging;
 mod merge;
 mod mesh;
 mod next;
@@ -19,38 +22,25 @@ mod progress;
 mod reconstruct;
 mod serve;
 mod sessions;
+mod shell;
 mod signals;
 mod study;
 mod verify;
 
-use crate::config::Config;
+use crate::config::{Config, Found, Place, usual_places};
 use crate::jobs::{
     CaptureOptions, CompressOptions, Context, ErrorKind, ImportOptions, MergeOptions, MeshOptions, Names,
     ReconstructOptions, ReplayOptions, ResumeOptions, VerifyOptions,
 };
 use crate::session::Store;
 use anyhow::Result;
-use clap::{Args, Parser, Subcommand};
+use clap::parser::ValueSource;
+use clap::{ArgMatches, Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
+use logging::LogFormat;
 use progress::Progress;
-use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::{Arc, LazyLock};
-
-/// The version, with the drivers of cameras that were built in.
-static VERSION: LazyLock<String> = LazyLock::new(|| {
-    let config = Config::default();
-    let cameras: Vec<&str> = config
-        .cameras()
-        .filter(|(_, driver)| driver.built_in() == Some(true))
-        .map(|(name, _)| name)
-        .collect();
-    let about = match &cameras[..] {
-        [] => "built without drivers of cameras".to_owned(),
-        cameras => format!("cameras: {}", cameras.join(", ")),
-    };
-    format!("{} ({about})", env!("CARGO_PKG_VERSION"))
-});
+use std::sync::Arc;
 
 /// Turns a stepper, a camera and a sand grain into a numerical grain.
 ///
@@ -62,7 +52,7 @@ static VERSION: LazyLock<String> = LazyLock::new(|| {
 ///   grainrig calibrate scale balls --ball-diameter-mm 2 --out scale.json
 ///   grainrig serve                      the monitor on <http://127.0.0.1:7272/>
 #[derive(Debug, Parser)]
-#[command(name = "grainrig", version = VERSION.as_str(), verbatim_doc_comment)]
+#[command(name = "grainrig", version = about::SHORT.as_str(), long_version = about::LONG.as_str(), verbatim_doc_comment)]
 #[command(arg_required_else_help = true, after_help = help::ALL)]
 pub struct Cli {
     #[command(flatten)]
@@ -71,21 +61,33 @@ pub struct Cli {
     command: Command,
 }
 
+impl Cli {
+    fn of(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let mut cli = Self::from_arg_matches(matches)?;
+        cli.common.config_by = matches.value_source("config");
+        cli.common.data_by = matches.value_source("data");
+        Ok(cli)
+    }
+}
+
 const COMMON: &str = "Common options";
 /// Names the configuration where the command line does not.
 const CONFIG_ENV: &str = "GRAINRIG_CONFIG";
+/// Names the data folder where the command line does not.
+const DATA_ENV: &str = "GRAINRIG_DATA";
 /// The data folder, unless told.
 const DATA: &str = "data";
 
 /// Options that every command takes.
 #[derive(Debug, Args)]
 struct Common {
-    /// Configuration (TOML) for a new session; without one, the simulated rig. config/simulated.toml shows
-    /// every key with its unit and default.
+    /// Configuration (TOML) for a new session. Without it the first that is there of `$XDG_CONFIG_HOME/grainrig/config.toml`
+    /// (`~/.config` where that is not set) and `/etc/grainrig/config.toml`, else the simulated rig. `grainrig config
+    /// --default` shows every key with its unit and default.
     #[arg(long, global = true, value_name = "FILE", env = CONFIG_ENV, help_heading = COMMON)]
     config: Option<PathBuf>,
     /// Folder that holds the sessions.
-    #[arg(long, global = true, value_name = "DIR", env = "GRAINRIG_DATA", default_value = DATA, help_heading = COMMON)]
+    #[arg(long, global = true, value_name = "DIR", env = DATA_ENV, default_value = DATA, help_heading = COMMON)]
     data: PathBuf,
     /// Take figures as they are that look like slips of unit (a pixel of 4.3 mm, a modulus of 100 MPa); the result says so.
     #[arg(long, global = true, help_heading = COMMON)]
@@ -93,14 +95,49 @@ struct Common {
     /// Print one result object (JSON) on stdout; progress and logs stay on stderr.
     #[arg(long, global = true, help_heading = COMMON)]
     json: bool,
+    /// The form of what goes to standard error: `text`, or `json`, an object a line.
+    #[arg(
+        long, global = true, value_enum, value_name = "FORMAT", env = logging::FORMAT_ENV, default_value = "text",
+        help_heading = COMMON
+    )]
+    log_format: LogFormat,
+    /// What named the configuration.
+    #[arg(skip)]
+    config_by: Option<ValueSource>,
+    /// What named the data folder.
+    #[arg(skip)]
+    data_by: Option<ValueSource>,
 }
 
 impl Common {
+    /// Which configuration is to be used.
+    fn found(&self) -> Result<Found> {
+        let by =
+            if self.config_by == Some(ValueSource::EnvVariable) { Place::Environment } else { Place::Flag };
+        let usual = usual_places(std::env::var_os("XDG_CONFIG_HOME"), std::env::var_os("HOME"));
+        let found = Found::of(self.config.clone().map(|path| (by, path)), usual)?;
+        tracing::debug!("the configuration is {found}");
+        Ok(found)
+    }
+
     fn config(&self) -> Result<Config> {
-        let mut config = self.config.as_deref().map_or_else(|| Ok(Config::default()), Config::read)?;
+        let mut config = self.found()?.read()?;
         config.as_given |= self.as_given;
         config.check()?;
         Ok(config)
+    }
+
+    /// A folder that nobody named is made by the first capture; one that was named and is not there is a slip.
+    fn named_data_is_there(&self) -> Result<()> {
+        let is_named = self.data_by.is_some_and(|by| by != ValueSource::DefaultValue);
+        let is_absent = || self.data.try_exists().is_ok_and(|there| !there);
+        if is_named && is_absent() {
+            return Err(usage(format!(
+                "there is no data folder {}; check what --data or {DATA_ENV} says, or make it by `grainrig capture NAME`",
+                self.data.display()
+            )));
+        }
+        Ok(())
     }
 
     fn store(&self) -> Store {
@@ -129,9 +166,9 @@ impl Common {
 
     /// A recorded session keeps the configuration that it was made with: who gives another is told.
     fn without_config(&self) {
-        let of_the_shell = std::env::var_os(CONFIG_ENV).map(PathBuf::from);
         // Whoever has set it for all commands need not hear of it at each.
-        if let Some(path) = self.config.as_ref().filter(|path| of_the_shell.as_ref() != Some(path)) {
+        if let Some(path) = self.config.as_ref().filter(|_| self.config_by == Some(ValueSource::CommandLine))
+        {
             output::say(format!(
                 "note: --config {} is not used: a session keeps the configuration that it was made with",
                 path.display()
@@ -191,6 +228,15 @@ enum Command {
     /// Show what is before the camera, and how sharp it is, to focus by: live view of a DSLR, frames of a video camera.
     #[command(after_help = help::FOCUS)]
     Focus(focus::Arguments),
+    /// Show what is set, and what set it: a file, the command line, the environment or the default.
+    #[command(after_help = help::CONFIG)]
+    Config(config::Arguments),
+    /// Print what a shell needs to complete this program's commands and options.
+    #[command(after_help = help::COMPLETIONS)]
+    Completions(shell::CompletionsArguments),
+    /// Print this program's manual page, or write one for each command.
+    #[command(after_help = help::MAN)]
+    Man(shell::ManArguments),
     /// The process in which a DSLR is driven; started by this program.
     #[command(hide = true)]
     CameraWorker,
@@ -198,28 +244,19 @@ enum Command {
 
 /// Parses the command line and runs one command; 0 is success, 1 failure, 2 usage.
 pub fn run() -> ExitCode {
-    let cli = Cli::try_parse().unwrap_or_else(|error| {
-        if error.use_stderr() && std::env::args_os().any(|argument| argument == "--json") {
-            output::print_error(ErrorKind::Usage, error.render().to_string().trim_end());
-        }
-        error.exit()
-    });
+    let cli =
+        Cli::command().try_get_matches().and_then(|matches| Cli::of(&matches)).unwrap_or_else(|error| {
+            if error.use_stderr() && std::env::args_os().any(|argument| argument == "--json") {
+                output::print_error(ErrorKind::Usage, error.render().to_string().trim_end());
+            }
+            error.exit()
+        });
     if let Command::CameraWorker = cli.command {
         return crate::rig::gphoto::worker::run();
     }
-    tracing_subscriber::fmt()
-        .with_env_filter(
-            tracing_subscriber::EnvFilter::try_from_env("GRAINRIG_LOG")
-                .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn")),
-        )
-        .with_writer(std::io::stderr)
-        // Colours are for eyes: a file or a service's journal would keep their codes.
-        .with_ansi(std::io::stderr().is_terminal())
-        // A log that nobody can read any more must not end the job.
-        .log_internal_errors(false)
-        .init();
+    logging::begin(cli.common.log_format);
     if let Err(error) = enough_files() {
-        output::say(format!("error: {error}"));
+        output::say_error(error);
         return ExitCode::FAILURE;
     }
     signals::survive_file_limit();
@@ -234,6 +271,7 @@ pub fn run() -> ExitCode {
             | Command::Devices
             | Command::Doctor
             | Command::Focus(_)
+            | Command::Config(_)
     ) {
         common.without_config();
     }
@@ -256,13 +294,16 @@ pub fn run() -> ExitCode {
         Command::Devices => devices::run(common),
         Command::Doctor => doctor::run(common),
         Command::Focus(a) => focus::run(common, &a),
+        Command::Config(a) => config::run(common, &a),
+        Command::Completions(a) => shell::completions(&a),
+        Command::Man(a) => shell::man(common, &a),
         Command::CameraWorker => Ok(()),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             let text = told(&error);
-            output::say(format!("error: {text}"));
+            output::say_error(&text);
             let kind = kind(&error);
             if common.json {
                 output::print_error(kind, &text);

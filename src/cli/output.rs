@@ -1,11 +1,14 @@
 //! What a person or a program reads: a reader that has gone away ends no job.
 
+use super::logging;
 use crate::jobs::ErrorKind as Kind;
-use crate::session::to_json;
+use crate::session::{to_json, to_json_value};
 use anyhow::{Context as _, Result};
+use serde_json::json;
 use std::fmt::Display;
 use std::io::{ErrorKind, Write as _};
 use std::sync::atomic::{AtomicBool, Ordering};
+use tracing::Level;
 
 /// Prints on standard output. A closed pipe (`| head -1`) is no error: what was computed is on the disk.
 pub(super) fn print(text: &str) -> Result<()> {
@@ -19,16 +22,42 @@ pub(super) fn print(text: &str) -> Result<()> {
 /// Whether the one object is printed.
 static PRINTED: AtomicBool = AtomicBool::new(false);
 
-/// Prints the one result object on standard output; nothing of it where a number in it is none.
+/// The version of the form of what is printed; raised where a key changes its name, unit or meaning.
+const SCHEMA: u32 = 1;
+
+/// Prints the one result object on standard output, with the version of its form and the program's where it does not state
+/// them itself; nothing of it where a number in it is none.
 pub(super) fn print_json(value: &impl serde::Serialize) -> Result<()> {
-    let text = to_json(value).context("cannot encode the result")?;
+    let mut value = to_json_value(value).context("cannot encode the result")?;
+    if let Some(object) = value.as_object_mut().filter(|object| !object.contains_key("version")) {
+        let software = concat!("grainrig ", env!("CARGO_PKG_VERSION"));
+        for (key, stated) in [("software", json!(software)), ("schema", json!(SCHEMA))] {
+            if !object.contains_key(key) {
+                object.shift_insert(0, key.into(), stated);
+            }
+        }
+    }
+    let text = to_json(&value).context("cannot encode the result")?;
     PRINTED.store(true, Ordering::Relaxed);
     print(&String::from_utf8_lossy(&text))
 }
 
 /// Says a line on standard error; where nobody can read it the job goes on all the same.
 pub(super) fn say(line: impl Display) {
-    let _ = writeln!(std::io::stderr(), "{line}");
+    say_at(Level::INFO, line);
+}
+
+/// Says what went wrong.
+pub(super) fn say_error(error: impl Display) {
+    say_at(Level::ERROR, format_args!("error: {error}"));
+}
+
+fn say_at(level: Level, line: impl Display) {
+    let _ = if logging::is_json() {
+        writeln!(std::io::stderr(), "{}", logging::line(level, &line.to_string()))
+    } else {
+        writeln!(std::io::stderr(), "{line}")
+    };
 }
 
 /// Prints an error as the one object, where there is none yet: a replay that differs has told its result.
@@ -41,6 +70,6 @@ pub(super) fn print_error(kind: Kind, message: &str) {
             Kind::Failed => "failed",
         };
         // Where that can't be written either, the exit code still tells.
-        let _ = print_json(&serde_json::json!({ "error": { "kind": kind, "message": message } }));
+        let _ = print_json(&json!({ "error": { "kind": kind, "message": message } }));
     }
 }

@@ -3,7 +3,7 @@
 use super::output::say;
 use crate::jobs::Watcher;
 use crate::session::event::{Event, Happening};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// The bar's steps for the computation after the last view.
@@ -21,6 +21,7 @@ impl Progress {
         let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg} [{elapsed}]")
             .unwrap_or_else(|_| ProgressStyle::default_bar());
         bar.set_style(style);
+        draw(&bar);
         Self { bar }
     }
 
@@ -97,5 +98,13 @@ pub fn percent(what: &'static str) -> ProgressBar {
     let style = ProgressStyle::with_template("{bar:30} {pos} % {msg} [{elapsed}]")
         .unwrap_or_else(|_| ProgressStyle::default_bar());
     bar.set_style(style);
+    draw(&bar);
     bar
+}
+
+/// A bar is no line of JSON.
+fn draw(bar: &ProgressBar) {
+    if super::logging::is_json() {
+        bar.set_draw_target(ProgressDrawTarget::hidden());
+    }
 }

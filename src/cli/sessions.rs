@@ -6,6 +6,7 @@ use crate::session::{Recording, SessionError, Summary, remove};
 use anyhow::Result;
 use clap::Args;
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::io::{BufRead as _, IsTerminal as _};
 use std::path::PathBuf;
 
@@ -29,10 +30,11 @@ pub struct RemoveArguments {
 
 /// The sessions, the newest first.
 pub(super) fn list(common: &Common) -> Result<()> {
+    common.named_data_is_there()?;
     let mut all = common.store().list()?;
     all.sort_by(|a, b| b.created.cmp(&a.created).then_with(|| a.name.cmp(&b.name)));
     if common.json {
-        return print_json(&all);
+        return print_json(&BTreeMap::from([("sessions", &all)]));
     }
     if all.is_empty() {
         say(format!("no session in {}; `grainrig capture NAME` makes one", common.data.display()));

@@ -282,7 +282,9 @@ fn in_background<T: Send>(work: impl FnOnce() -> Result<T, String> + Send) -> Re
         .start_handler(|_| step_back())
         .build()
         .map_err(|e| JobError::Thread { source: std::io::Error::other(e) }.to_string())?;
-    pool.install(work)
+    // It is another thread's: the log has it within the same span.
+    let span = tracing::Span::current();
+    pool.install(|| span.in_scope(work))
 }
 
 /// Gives this thread the lowest priority.

@@ -4,7 +4,7 @@ use crate::config::{Config, Release, RigKind};
 use crate::rig::discovery::{Found, Role, discover};
 use crate::rig::driver::{OpenCamera, OpenStage};
 use crate::rig::simulated;
-use crate::rig::{Before, Camera, RigError, RotationStage, TruthHandle};
+use crate::rig::{Before, Camera, RigError, RotationStage, TruthHandle, traced_camera, traced_stage};
 use crate::session::Recording;
 use crate::session::event::Happening;
 use grainrig_core::geometry::Angle;
@@ -17,6 +17,13 @@ pub(super) struct Rig {
     pub(super) camera: Box<dyn Camera>,
     /// What only a simulated rig knows.
     pub(super) truth: Option<TruthHandle>,
+}
+
+impl Rig {
+    /// With its requests in the log.
+    fn traced(self) -> Self {
+        Self { stage: traced_stage(self.stage), camera: traced_camera(self.camera), truth: self.truth }
+    }
 }
 
 /// Opens the rig that the configuration names.
@@ -46,6 +53,10 @@ pub(super) fn before(recording: &Recording) -> Before {
 /// The same, of a session that is taken up after what it has had the rig do before: a simulated one's faults go on from
 /// there.
 pub(super) fn take_up(config: &Config, before: Before) -> Result<Rig, RigError> {
+    opened(config, before).map(Rig::traced)
+}
+
+fn opened(config: &Config, before: Before) -> Result<Rig, RigError> {
     if config.rig.kind == RigKind::Simulated {
         // One rig and not two devices: its camera sees where the motor truly stands.
         let (stage, camera, truth) = simulated::take_up(&config.simulated, before)?;
@@ -63,7 +74,7 @@ pub(super) fn take_up(config: &Config, before: Before) -> Result<Rig, RigError> 
 
 /// Opens the camera alone: nothing turns.
 pub(super) fn open_camera(config: &Config) -> Result<Box<dyn Camera>, RigError> {
-    Ok(config.camera().open(Before::default(), None)?.camera)
+    Ok(traced_camera(config.camera().open(Before::default(), None)?.camera))
 }
 
 /// A stage that the simulated camera sees turn.

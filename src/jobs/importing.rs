@@ -7,6 +7,7 @@ use crate::config::Config;
 use crate::pipeline::{Cameras, LengthUnit, MeshSettings, TurntableSettings};
 use crate::session::import::{ImportRequest, Rotation, scan};
 use crate::session::{Store, check_name};
+use crate::trace;
 use grainrig_core::plausible;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -239,6 +240,17 @@ pub enum ImportGeometry {
 /// [`JobError`]; where a photograph or a camera can't be used, nothing is left of the session. Where only the
 /// computation fails the session stays.
 pub fn import(
+    data: &Path,
+    name: &str,
+    config: &Config,
+    request: &ImportRequest,
+    geometry: ImportGeometry,
+    watcher: &Watcher,
+) -> Result<Finished, JobError> {
+    trace::job("import", name, || imported(data, name, config, request, geometry, watcher))
+}
+
+fn imported(
     data: &Path,
     name: &str,
     config: &Config,

@@ -17,6 +17,7 @@ use crate::session::replay::replay as play;
 use crate::session::{
     Manifest, Origin, PlannedView, Session, State, Store, check_space, damage, required_bytes, write_whole,
 };
+use crate::trace;
 use grainrig_core::geometry::Angle;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -293,6 +294,10 @@ pub(super) fn take_up(folder: &Path, quality: Option<QualityMode>) -> Result<Tak
         }
         let (session, views) = (manifest.name.clone(), recording.views().len());
         let mut result = result.clone();
+        // Of a time when forms had no number.
+        if result["schema"].is_null() {
+            result["schema"] = 0.into();
+        }
         // The session may have been moved since.
         result["products"] = serde_json::json!(product_paths(folder, recording.products()));
         return Ok(TakenUp::Nothing(Resumed::NothingToDo { session, views, result }));
@@ -344,6 +349,16 @@ impl Begun {
         control: &Control,
         watcher: &Watcher,
     ) -> Result<Finished, JobError> {
+        let name = self.session.recording().manifest().name.clone();
+        trace::job("capture", &name, || self.capture(truth, control, watcher))
+    }
+
+    fn capture(
+        self,
+        truth: Option<&Path>,
+        control: &Control,
+        watcher: &Watcher,
+    ) -> Result<Finished, JobError> {
         let Self { mut session, mut rig, mesh, gates } = self;
         let watch = Arc::clone(watcher);
         session.observe(move |e| watch(e));
@@ -356,8 +371,10 @@ impl Begun {
         let session = Arc::new(Mutex::new(session));
         let (send, receive) = sync_channel(WAITING_VIEWS);
         let clock = SystemClock::new();
+        let span = tracing::Span::current();
         let outcome = std::thread::scope(|scope| {
-            let computing = scope.spawn(|| pipeline.run(receive, &|what| note(&session, what)));
+            let computing =
+                scope.spawn(|| span.in_scope(|| pipeline.run(receive, &|what| note(&session, what))));
             // Where pictures are judged before they are kept, that cuts them out and the pipeline does not.
             let mut gate = gates.then(|| Gate::new(&pipeline));
             let through = |view: View| match &mut gate {

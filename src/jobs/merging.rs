@@ -9,6 +9,7 @@ use crate::pipeline::{
 };
 use crate::session::event::Happening;
 use crate::session::{Manifest, MergeSource, Origin, Plan, Recording, SessionError, Store, check_name};
+use crate::trace;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -81,6 +82,15 @@ fn open([a, b]: [&Path; 2], out: &Path) -> Result<(String, [Recording; 2]), JobE
 /// # Errors
 /// [`JobError`]; nothing is written then.
 pub fn merge(
+    poses: [&Path; 2],
+    out: &Path,
+    mesh: Option<&MeshSettings>,
+    watcher: &Watcher,
+) -> Result<Finished, DaemonError> {
+    trace::job_of("merge", out, || merged(poses, out, mesh, watcher))
+}
+
+fn merged(
     [a, b]: [&Path; 2],
     out: &Path,
     mesh: Option<&MeshSettings>,

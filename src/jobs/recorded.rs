@@ -11,6 +11,7 @@ use crate::session::replay::replay as play;
 use crate::session::{
     Origin, Plan, PlannedView, Recording, Session, SessionError, VerifyReport, to_json_value, verify,
 };
+use crate::trace;
 use grainrig_core::formats::Photograph;
 use grainrig_core::geometry::Angle;
 use serde::{Deserialize, Serialize};
@@ -121,7 +122,8 @@ impl VerifyOptions {
     /// # Errors
     /// [`JobError`] where it can't be read; faults are none.
     pub fn run(&self, context: &Context) -> Result<VerifyReport, JobError> {
-        Ok(verify(&context.names.session(&self.session)?)?)
+        let folder = context.names.session(&self.session)?;
+        trace::job_of("verify", &folder, || Ok(verify(&folder)?))
     }
 }
 
@@ -181,6 +183,16 @@ pub(super) fn send_recorded(
 /// # Errors
 /// [`JobError`]; the session's pictures are only read.
 pub fn reconstruct(
+    folder: &Path,
+    mesh: Option<&MeshSettings>,
+    pictures: bool,
+    as_given: bool,
+    watcher: &Watcher,
+) -> Result<Finished, JobError> {
+    trace::job_of("reconstruct", folder, || reconstructed(folder, mesh, pictures, as_given, watcher))
+}
+
+fn reconstructed(
     folder: &Path,
     mesh: Option<&MeshSettings>,
     pictures: bool,
@@ -358,6 +370,10 @@ impl Replayed {
 /// # Errors
 /// [`JobError`] where views are missing, a file has changed, or the computation fails.
 pub fn replay(folder: &Path, watcher: &Watcher) -> Result<Replayed, JobError> {
+    trace::job_of("replay", folder, || replayed(folder, watcher))
+}
+
+fn replayed(folder: &Path, watcher: &Watcher) -> Result<Replayed, JobError> {
     let mut recording = Recording::read(folder)?;
     if recording.is_unsettled() || finish::lacks_end(&recording) {
         // A run was killed while it put its products in their place.
@@ -397,8 +413,9 @@ fn played(
     let (send, receive) = sync_channel(WAITING_VIEWS);
     let numbered = Numbered::new(watcher);
     std::thread::scope(|scope| {
-        let (numbered, plan) = (&numbered, &plan);
+        let (numbered, plan, span) = (&numbered, &plan, tracing::Span::current());
         let acquiring = scope.spawn(move || {
+            let _within = span.entered();
             let (mut stage, mut camera) = play(recording.clone());
             let mut sink = ReplaySink { recording, send, numbered };
             acquire::run(&mut stage, &mut camera, plan, &mut sink, &Control::new(), &SystemClock::new())

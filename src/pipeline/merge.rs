@@ -95,6 +95,7 @@ impl Merged {
         timing_s: serde_json::Value,
     ) -> ResultFile {
         ResultFile {
+            schema: super::result::SCHEMA,
             software: software.into(),
             session: session.into(),
             views: self.views.len(),

@@ -89,6 +89,7 @@ impl Reconstruction {
         timing_s: serde_json::Value,
     ) -> ResultFile {
         ResultFile {
+            schema: super::result::SCHEMA,
             software: software.into(),
             session: session.into(),
             views: self.views.len(),

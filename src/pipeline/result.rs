@@ -12,9 +12,14 @@ use grainrig_core::silhouette::{PedestalConsensus, Report, ViewQuality};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
+/// The version of the form of [`ResultFile`]; raised where a key changes its name, unit or meaning.
+pub const SCHEMA: u32 = 1;
+
 /// The result of a session, as written to `result.json` and printed by `--json`.
 #[derive(Debug, Clone, Serialize)]
 pub struct ResultFile {
+    /// The version of this form: [`SCHEMA`].
+    pub schema: u32,
     /// The program and its version.
     pub software: String,
     /// Name of the session.

@@ -24,7 +24,7 @@ pub struct Settings {
 }
 
 /// What is drawn for a person's eye.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ReportSettings {
     /// Whether each view's outline over its photograph, and the sheet of the calibration, are among the products.
@@ -38,7 +38,7 @@ impl Default for ReportSettings {
 }
 
 /// How finely the hull is measured.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct HullSettings {
     /// Edge of a voxel, mm. By default a pixel's size, or 1/400 of the hull's longest edge where that is larger.
@@ -47,7 +47,9 @@ pub struct HullSettings {
 
 /// The mesh's controls; what is absent follows from the grain's size. One declaration: the command line, the configuration and
 /// HTTP have these names.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, utoipa::ToSchema, clap::Args)]
+#[derive(
+    Debug, Clone, Default, PartialEq, Serialize, Deserialize, utoipa::ToSchema, schemars::JsonSchema, clap::Args,
+)]
 #[serde(deny_unknown_fields, default)]
 pub struct MeshSettings {
     /// Largest circumradius of a surface facet, mm; by default 0.034 of the grain's equivalent diameter.
@@ -155,7 +157,7 @@ pub enum Cameras {
 }
 
 /// What is known beforehand of a camera before a turntable.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TurntableSettings {
     /// Size of a pixel at the rotation axis, mm.

@@ -5,6 +5,7 @@ use super::quality::compare;
 use super::reconstruct::{Reconstruction, SegmentedView, provisional_camera, reconstruct};
 use super::{Cameras, PipelineError, Settings, ViewFault};
 use crate::session::event::{CapturedView, Happening, Role};
+use crate::trace::ms_since;
 use grainrig_core::calibrate::Turntable;
 use grainrig_core::formats::Photograph;
 use grainrig_core::geometry::{Aabb, Angle, Point};
@@ -15,6 +16,7 @@ use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
+use tracing::{Span, debug, debug_span};
 
 /// Cells of the live hull along the grain's height: enough for a number and a picture, quick to carve.
 const LIVE_CELLS: f64 = 96.0;
@@ -152,8 +154,8 @@ impl Pipeline {
         std::thread::scope(|scope| {
             let (send, receive) = sync_channel(WAITING_RESULTS);
             for _ in 0..workers {
-                let (send, views) = (send.clone(), &views);
-                scope.spawn(move || self.work(views, &send));
+                let (send, views, span) = (send.clone(), &views, Span::current());
+                scope.spawn(move || span.in_scope(|| self.work(views, &send)));
             }
             drop(send);
             let mut live = Live::default();
@@ -219,7 +221,8 @@ impl Pipeline {
             drop(queue);
             let segmented = match view.segmented.take() {
                 Some(segmented) => Ok(*segmented),
-                None => self.segment(view.index, &view.bytes),
+                None => debug_span!("view", index = view.index, angle_deg = view.angle.deg())
+                    .in_scope(|| self.segment(view.index, &view.bytes)),
             };
             if send.send((place, view.index, segmented.map(|it| it.of(&view)))).is_err() {
                 return;
@@ -230,6 +233,16 @@ impl Pipeline {
     /// Decodes a picture, finds its silhouette and judges it. The view's index is for messages.
     pub(super) fn segment(&self, view: usize, bytes: &[u8]) -> Result<SegmentedPicture, PipelineError> {
         let start = Instant::now();
+        let ended = self.found(view, bytes, start);
+        let ms = ms_since(start);
+        match &ended {
+            Ok(it) => debug!(ms, outcome = "found", area_px = it.found.report.area_px, "silhouette"),
+            Err(error) => debug!(ms, outcome = "failed", %error, "silhouette"),
+        }
+        ended
+    }
+
+    fn found(&self, view: usize, bytes: &[u8], start: Instant) -> Result<SegmentedPicture, PipelineError> {
         let picture = Photograph::open(bytes)
             .map_err(|reason| ViewFault::Decode { bytes: bytes.len(), reason }.of(view))?;
         let background = self.background.as_ref().map(|stage| stage as &dyn Source);

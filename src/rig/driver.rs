@@ -174,7 +174,7 @@ macro_rules! kinds {
     };
     (#[$about:meta] $Kind:ident $($(#[$of:meta])* $Each:ident = $name:ident,)*) => {
         #[$about]
-        #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
         #[serde(rename_all = "snake_case")]
         pub enum $Kind {
             $($(#[$of])* $Each,)*

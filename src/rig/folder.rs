@@ -36,7 +36,7 @@ const BETWEEN_LOOKS: Duration = Duration::from_millis(50);
 const LOOK_THERE: &str = "release the shutter once for each view, and see that the other program saves JPEG files to folder.path at once";
 
 /// The `[folder]` settings.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
     /// The folder that the other program saves to.

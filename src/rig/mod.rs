@@ -12,6 +12,7 @@ pub mod grbl;
 mod holder;
 mod serial;
 pub mod simulated;
+mod traced;
 pub mod v4l;
 
 /// The drivers. A section of the configuration is named like the driver that it sets; what drives both stage and camera has one.
@@ -63,6 +64,7 @@ pub use grainrig_core::formats::Encoding;
 use grainrig_core::geometry::Angle;
 pub use simulated::TruthHandle;
 use std::time::Duration;
+pub use traced::{traced_camera, traced_stage};
 
 /// Turns the grain about the z axis.
 pub trait RotationStage: Send {

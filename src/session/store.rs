@@ -34,7 +34,7 @@ impl Store {
     /// # Errors
     /// [`SessionError::Io`] where the data folder cannot be listed.
     pub fn list(&self) -> Result<Vec<Summary>, SessionError> {
-        if !self.data.exists() {
+        if !self.data.try_exists().map_err(SessionError::io("list", &self.data, 0))? {
             return Ok(Vec::new());
         }
         let mut names = Vec::new();

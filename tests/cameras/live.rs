@@ -80,7 +80,7 @@ fn the_program_says_which_picture_is_the_sharpest_and_keeps_the_newest() {
     let ran = lab.run(&["--json", "--config", &config, "focus", "--pictures", "5", "--save", "newest.jpg"]);
     let all = ran.succeeds().json();
     let figures = |name: &str| -> Vec<f64> {
-        all.as_array().unwrap().iter().map(|p| p[name].as_f64().unwrap()).collect()
+        all["pictures"].as_array().unwrap().iter().map(|p| p[name].as_f64().unwrap()).collect()
     };
     let (sharp, best, blur) = (figures("sharpness"), figures("best"), figures("blur_px"));
     let falls = |v: &[f64]| v.windows(2).all(|w| w[1] < w[0]);

@@ -1,12 +1,16 @@
 //! The sessions of the data folder: listed, shown, removed; errors for programs; what the environment says.
 
-use crate::kit::{Lab, VIEWS};
+use crate::kit::{self, Lab, VIEWS};
+use grainrig::session::event::Happening;
 use grainrig::session::{Manifest, MergeSource, Origin, Plan, Session, Store};
 use serde_json::{Value, json};
 
 #[test]
 fn sessions_are_listed_and_shown() {
     let lab = Lab::new();
+    // A folder that was named is there.
+    lab.run(&["list"]).fails(2, &["there is no data folder", "data", "--data"]);
+    std::fs::create_dir(lab.path("data")).unwrap();
     let empty = lab.run(&["list"]).succeeds();
     assert_eq!(empty.stdout, "");
     assert!(empty.stderr.contains("grainrig capture"), "{}", empty.stderr);
@@ -15,7 +19,10 @@ fn sessions_are_listed_and_shown() {
     assert!(list.starts_with("a ") && list.contains(&format!("{VIEWS} of {VIEWS} views")), "{list}");
     assert!(list.trim_end().ends_with("complete"), "{list}");
     let listed = lab.run(&["list", "--json"]).succeeds().json();
-    assert_eq!((&listed[0]["name"], &listed[0]["state"]), (&json!("a"), &json!("complete")));
+    assert_eq!(
+        (&listed["sessions"][0]["name"], &listed["sessions"][0]["state"]),
+        (&json!("a"), &json!("complete"))
+    );
     let shown = lab.run(&["show", "a", "--json"]).succeeds().json();
     assert_eq!(shown["frames"].as_array().unwrap().len(), VIEWS);
     assert_eq!(shown["result"], *lab.recording("a").result().unwrap());
@@ -100,16 +107,65 @@ fn a_program_reads_errors_as_json() {
     assert!(serde_json::from_str::<Value>(&ran.stdout).unwrap()["faults"].is_array(), "{}", ran.stdout);
 }
 
+/// Whoever reads an object can tell which form it has, and what wrote it.
+#[test]
+fn every_object_says_the_version_of_its_form_and_of_the_program() {
+    let lab = Lab::new();
+    let software = concat!("grainrig ", env!("CARGO_PKG_VERSION"));
+    let first = lab.run(&["--json", "--config", "small.toml", "capture", "a"]).succeeds().json();
+    let file: Value =
+        serde_json::from_slice(&kit::read(&lab.session("a").join("products/result.json"))).unwrap();
+    let rest = [
+        &["replay", "a"][..],
+        &["show", "a"],
+        &["verify", "a"],
+        &["list"],
+        &["devices"],
+        &["config"],
+        &["resume", "a"],
+    ];
+    let rest = rest.map(|args| lab.run(&[&["--json"], args].concat()).succeeds().json());
+    let refused: Value = serde_json::from_str(&lab.run(&["--json", "show", "b"]).stdout).unwrap();
+    for object in [first, file, refused].iter().chain(&rest) {
+        assert_eq!((&object["schema"], &object["software"]), (&json!(1), &json!(software)), "{object}");
+    }
+}
+
+/// What an older version recorded is read as it was: its form has no number.
+#[test]
+fn a_result_from_before_its_form_was_numbered_is_told_as_that() {
+    let lab = Lab::new();
+    lab.capture("a").succeeds();
+    // The same session, as a version wrote it that knew no such key.
+    let mut events = lab.recording("a").events().to_vec();
+    let Some(Happening::Complete { result }) = events.last_mut().map(|e| &mut e.what) else {
+        panic!("{events:?}")
+    };
+    let removed = result.as_object_mut().unwrap().shift_remove("schema");
+    assert_eq!(removed, Some(json!(1)));
+    let result = result.clone();
+    let journal = String::from_utf8(kit::read(&lab.session("a").join("journal.jsonl"))).unwrap();
+    let (before, _) = journal.trim_end().rsplit_once('\n').unwrap();
+    std::fs::write(lab.session("a").join("journal.jsonl"), format!("{before}\n")).unwrap();
+    Session::open(&lab.session("a")).unwrap().append(Happening::Complete { result }).unwrap();
+    assert_eq!(lab.run(&["--json", "resume", "a"]).succeeds().json()["schema"], 0);
+    assert!(lab.run(&["--json", "show", "a"]).succeeds().json()["result"].get("schema").is_none());
+    lab.run(&["replay", "a"]).succeeds();
+    lab.assert_sound("a");
+}
+
 #[test]
 fn the_environment_names_the_data_folder_and_the_configuration() {
     let lab = Lab::new();
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_grainrig"));
+    crate::kit::quiet(&mut command, &lab.path("."));
     command.current_dir(lab.path(".")).env("GRAINRIG_DATA", lab.path("elsewhere"));
     command.env("GRAINRIG_CONFIG", lab.path("small.toml"));
     assert!(command.args(["capture", "a"]).output().unwrap().status.success());
     assert!(lab.path("elsewhere").join("a/manifest.json").is_file());
     // Whoever set it for all commands is not told at each that it is not used.
     let mut verify = std::process::Command::new(env!("CARGO_BIN_EXE_grainrig"));
+    crate::kit::quiet(&mut verify, &lab.path("."));
     verify.env("GRAINRIG_DATA", lab.path("elsewhere")).env("GRAINRIG_CONFIG", lab.path("small.toml"));
     let ran = verify.args(["verify", "a"]).output().unwrap();
     assert!(ran.status.success() && ran.stderr.is_empty(), "{}", String::from_utf8_lossy(&ran.stderr));

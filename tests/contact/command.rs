@@ -58,9 +58,15 @@ fn a_sphere_gives_its_curve_its_files_and_its_figures() {
         assert!(r[key].as_f64().unwrap() > 0.0, "{key}");
     }
     let energy = |key: &str| r["energy"][key].as_f64().unwrap();
-    assert!(energy("kinetic") < 0.05 * energy("internal") && energy("internal") <= 1.01 * energy("external"));
+    assert!(energy("kinetic_n_mm") < 0.05 * energy("internal_n_mm"));
+    assert!(energy("internal_n_mm") <= 1.01 * energy("external_n_mm"));
     assert!(energy("balance_error").abs() < 0.01);
     assert_eq!(r["finished"], true);
+    // What is printed is what the file says, with the version of its form and of the program.
+    let file = std::fs::read(folder.path().join("s/result.json")).unwrap();
+    let file: Value = serde_json::from_slice(&file).unwrap();
+    assert_eq!((&file["schema"], &file["software"]), (&r["schema"], &r["software"]));
+    assert_eq!(file["schema"], 1);
     for name in [
         "curve.csv",
         "curve.svg",

@@ -194,7 +194,7 @@ fn what_is_plugged_in_is_found(rig: &mut Rig) {
     rig.agent.wait_until("grep -q ^06 /sys/bus/usb/devices/*:*/bInterfaceClass 2>/dev/null");
     rig.agent.run("udevadm settle").succeeds();
     let found = rig.grainrig("devices").succeeds().json();
-    rig.devices.clone_from(found.as_array().unwrap());
+    rig.devices.clone_from(found["devices"].as_array().unwrap());
     let serial = rig.device("controller or grbl", "USB");
     assert!(serial.starts_with("/dev/serial/by-id/usb-"), "{serial}");
     assert!(rig.device("gphoto2", "Canon Inc. Canon Digital Camera").starts_with("/dev/bus/usb/"));

@@ -54,7 +54,7 @@ impl Lab {
         let mut command = Command::new(BIN);
         command.args(arguments).arg("--data").arg(self.data());
         command.arg("--config").arg(self.dir.path().join("rig.toml"));
-        command.env_remove("GRAINRIG_LOG").stdin(Stdio::null());
+        command.env_remove("GRAINRIG_LOG").env_remove("GRAINRIG_LOG_FORMAT").stdin(Stdio::null());
         command
     }
 

@@ -68,8 +68,8 @@ fn the_firmware_and_a_video_camera_give_what_the_simulated_rig_gives() {
 /// it has in common, the levels of grain and background between which it is laid, does not average, but is known better than
 /// a pixel is.
 fn noise_px(view: &Value, blur_px: f64) -> f64 {
-    let slope = figure(view, "/silhouette/contrast") / (blur_px * std::f64::consts::TAU.sqrt());
-    figure(view, "/silhouette/noise") / slope
+    let slope = figure(view, "/silhouette/contrast_levels") / (blur_px * std::f64::consts::TAU.sqrt());
+    figure(view, "/silhouette/noise_levels") / slope
 }
 
 /// Two captures of one grain whose pictures have their own noise and their own shifts.

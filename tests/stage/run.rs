@@ -1,7 +1,8 @@
 //! A whole run of the program with the real firmware, and the camera of the simulated rig.
 
 use super::board::Board;
-use crate::kit::Lab;
+use super::grbl::{Faults, Grbl};
+use crate::kit::{self, Lab};
 
 fn config(board: &Board, hardware: bool) -> String {
     let rig =
@@ -81,10 +82,46 @@ fn the_doctor_finds_a_board_healthy_and_says_what_ails_one_that_is_not() {
     let ran = lab.run(&["--json", "--config", "mute.toml", "doctor"]);
     let ran = ran.fails(1, &["1 of ", "checks found something that a run would fail on"]);
     let findings: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
-    let rig = findings.as_array().unwrap().iter().find(|f| f["check"] == "rig").unwrap();
+    let rig = findings["findings"].as_array().unwrap().iter().find(|f| f["check"] == "rig").unwrap();
     assert_eq!(rig["health"], "bad");
     assert!(rig["found"].as_str().unwrap().contains("no whole answer"), "{rig}");
     assert!(rig["remedy"].as_str().unwrap().contains("firmware is on the board"), "{rig}");
-    let shot = findings.as_array().unwrap().iter().find(|f| f["check"] == "test shot").unwrap();
+    let shot = findings["findings"].as_array().unwrap().iter().find(|f| f["check"] == "test shot").unwrap();
     assert_eq!(shot["health"], "skipped");
+}
+
+/// What is said on a line is part of a view's story.
+#[test]
+fn the_log_has_every_line_to_and_from_a_board_within_its_view() {
+    let board = Grbl::start(Faults::default());
+    let lab = Lab::new();
+    let port = board.port.display();
+    lab.write(
+        "grbl.toml",
+        format!(
+            "{}\n[rig]\nkind = \"hardware\"\nstage = \"grbl\"\n[grbl]\nport = \"{port}\"\nsteps_per_deg = 8.889\nboot_ms = 0\n",
+            kit::SMALL
+        ),
+    );
+    let mut command = lab.command(&["--config", "grbl.toml", "--log-format", "json", "capture", "a"]);
+    let said = command.env("GRAINRIG_LOG", "grainrig=trace").output().unwrap().stderr;
+    let said = String::from_utf8(said).unwrap();
+    let lines: Vec<serde_json::Value> =
+        said.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    // The exchange within the move to the view at 90°, which is 89.9989° in whole steps, in its order.
+    let is_within = |line: &serde_json::Value| {
+        let span = |name: &str| line["spans"].as_array()?.iter().find(|s| s["name"] == name);
+        let moves = span("stage").is_some_and(|stage| stage["target_deg"] == 90.0);
+        moves && span("view").is_some_and(|view| view["index"] == 2)
+    };
+    let exchange: Vec<(&str, &str)> = (lines.iter().filter(|line| is_within(line)))
+        .filter_map(|l| Some((l["fields"]["message"].as_str()?, l["fields"]["line"].as_str()?)))
+        .collect();
+    let place = |way: &str, words: &str| {
+        let found = exchange.iter().position(|(w, line)| *w == way && line.contains(words));
+        found.unwrap_or_else(|| panic!("nothing {way} has {words}: {exchange:?}\n{said}"))
+    };
+    let order =
+        [place("sent", "$J=G53 G90 X89.99"), place("heard", "ok"), place("heard", "<Idle|MPos:89.99")];
+    assert!(order.is_sorted(), "{exchange:?}");
 }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// A combination of the colours of a pixel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Channel {
     /// The one that separates grain and background best.

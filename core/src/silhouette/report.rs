@@ -11,18 +11,23 @@ pub struct Report {
     /// Which of grain and background was the brighter one; never `auto`.
     pub polarity: Polarity,
     /// Otsu's threshold for two classes, grey levels away from the background towards the grain.
+    #[serde(rename = "threshold_two_levels")]
     pub threshold_two: f64,
     /// Otsu's two thresholds for three classes, in the same unit.
+    #[serde(rename = "thresholds_three_levels")]
     pub thresholds_three: [f64; 2],
     /// The threshold that the first, pixel-accurate mask was cut at, in the same unit.
+    #[serde(rename = "threshold_used_levels")]
     pub threshold_used: f64,
     /// Otsu's separability (between-class over total variance, 0 … 1) for two classes.
     pub separability_two: f64,
     /// The same for three classes.
     pub separability_three: f64,
     /// Mean distance of the grain from the background, grey levels.
+    #[serde(rename = "contrast_levels")]
     pub contrast: f64,
     /// Standard deviation of the background about its model, grey levels.
+    #[serde(rename = "noise_levels")]
     pub noise: f64,
     /// Area inside the outline, square pixels.
     pub area_px: f64,
@@ -43,6 +48,7 @@ pub struct Report {
     pub holes_open: usize,
     /// Columns and rows of the picture that hold a picture: `[first column, first row, end column, end row]`;
     /// less than the whole where a black frame was cut off.
+    #[serde(rename = "frame_px")]
     pub frame: [usize; 4],
     /// The pedestal, where one was cut off.
     pub pedestal: Option<PedestalOutline>,
@@ -59,16 +65,20 @@ pub struct Report {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PedestalOutline {
     /// Row of its top at its centre column, pixels (subpixel).
+    #[serde(rename = "top_row_px")]
     pub top_row: f64,
     /// Slope of its top, rows per column: the camera's roll.
     pub top_slope: f64,
     /// Its centre column at its top, pixels.
+    #[serde(rename = "centre_column_px")]
     pub centre_column: f64,
     /// Half its width, pixels.
+    #[serde(rename = "half_width_px")]
     pub half_width: f64,
     /// Whether the view itself shows the top; else it is taken where the sides end, or from other views.
     pub top_seen: bool,
     /// Standard deviation of the blur of its sides, pixels: above its top its light mixes with the grain's as far.
+    #[serde(rename = "blur_px")]
     pub blur: f64,
 }
 

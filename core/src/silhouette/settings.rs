@@ -4,7 +4,7 @@ use super::{Channel, SilhouetteError};
 use serde::{Deserialize, Serialize};
 
 /// Settings of [`find`](super::find()).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
     /// Which combination of colours separates grain from background.
@@ -52,7 +52,7 @@ impl Settings {
 }
 
 /// Which of grain and background is the brighter one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Polarity {
     /// What the picture's border shows is background; the other one is the grain.
@@ -65,7 +65,7 @@ pub enum Polarity {
 }
 
 /// How many classes the grey values fall into, for the first threshold.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Classes {
     /// The valley threshold between the background's noise and Otsu's threshold for two classes: the one
@@ -79,7 +79,7 @@ pub enum Classes {
 }
 
 /// Whether a pedestal is looked for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PedestalMode {
     /// Cut off what rises from the lower border with straight, upright sides and a level top.
@@ -90,7 +90,7 @@ pub enum PedestalMode {
 }
 
 /// What happens to openings inside the outline.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Holes {
     /// As `background` where a difference of two colours separates grain from background, else as `fill`: by

@@ -55,6 +55,12 @@ impl CompressSettings {
 /// The figures of a compression.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CompressResult {
+    /// The version of this form, 1; 0 of results from before it was numbered.
+    #[serde(default)]
+    pub schema: u32,
+    /// The program and version that wrote it; empty where that was not stated yet.
+    #[serde(default)]
+    pub software: String,
     /// What was asked.
     pub settings: CompressSettings,
     /// Whether the force or the approach asked for was reached.
@@ -106,22 +112,30 @@ pub struct CompressResult {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct EnergyResult {
     /// Of motion.
+    #[serde(rename = "kinetic_n_mm", alias = "kinetic")]
     pub kinetic: f64,
     /// Stored and taken by plastic flow.
+    #[serde(rename = "internal_n_mm", alias = "internal")]
     pub internal: f64,
     /// Work of the plates.
+    #[serde(rename = "external_n_mm", alias = "external")]
     pub external: f64,
     /// Unaccounted energy over the plates' work; none before the contacts have formed, when there is hardly any.
     pub balance_error: Option<f64>,
     /// Taken by plastic flow.
+    #[serde(rename = "plastic_n_mm", alias = "plastic")]
     pub plastic: f64,
     /// Taken by bulk viscosity.
+    #[serde(rename = "viscous_n_mm", alias = "viscous")]
     pub viscous: f64,
     /// Taken by damping.
+    #[serde(rename = "damping_n_mm", alias = "damping")]
     pub damping: f64,
     /// Taken by friction.
+    #[serde(rename = "friction_n_mm", alias = "friction")]
     pub friction: f64,
     /// Lost by nodes that met a plate.
+    #[serde(rename = "impact_n_mm", alias = "impact")]
     pub impact: f64,
 }
 
@@ -174,4 +188,21 @@ pub struct CompressProgress<'a> {
     pub left_s: Option<f64>,
     /// The newest sample.
     pub sample: &'a Sample,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn energies_of_a_result_from_before_forms_were_numbered_are_read() {
+        let keys = ["kinetic", "internal", "external", "plastic", "viscous", "damping", "friction", "impact"];
+        let of = |unit: &str| {
+            let named = keys.iter().zip(1..).map(|(key, value)| (format!("{key}{unit}"), value.into()));
+            serde_json::Value::Object(named.chain([("balance_error".to_owned(), 0.25.into())]).collect())
+        };
+        let [old, new] = ["", "_n_mm"].map(|unit| serde_json::from_value::<EnergyResult>(of(unit)).unwrap());
+        assert_eq!(old, new);
+        assert_eq!((old.kinetic, old.impact, old.balance_error), (1.0, 8.0, Some(0.25)));
+    }
 }

@@ -30,6 +30,7 @@ pub use shelf::{CompressDetails, CompressFile, CompressLine, CompressState};
 
 use super::JobError;
 use crate::session::{Held, hold, read_inside, to_json, to_json_value, write_whole};
+use crate::trace;
 use body::{mesh_bytes, mesh_from};
 use grainrig_core::contact::{
     ContactError, CurvePoint, Loading, Press, Sample, agreement, fit_hertz, hertz, quasi_static, transition,
@@ -178,7 +179,8 @@ impl Compression {
         told: &mut dyn FnMut(CompressProgress),
     ) -> Result<CompressResult, JobError> {
         let start = Instant::now();
-        self.run_by(&|| start.elapsed(), stop, told)
+        let folder = self.folder.clone();
+        trace::job_of("compress", &folder, || self.run_by(&|| start.elapsed(), stop, told))
     }
 
     /// As [`Self::run`], with the time since its beginning as this clock has it.
@@ -277,6 +279,8 @@ impl Compression {
             Some(ExperimentResult { file, reading, agreement: agreement(&curve, &o.points) })
         });
         let mut result = CompressResult {
+            schema: 1,
+            software: concat!("grainrig ", env!("CARGO_PKG_VERSION")).into(),
             settings: settings.clone(),
             finished: press.finished(),
             curve,

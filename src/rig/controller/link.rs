@@ -51,6 +51,7 @@ impl Link {
             if let Some(Said::Announcement(text)) = self.reader.take(byte)
                 && text != "nak"
             {
+                tracing::trace!(text, "heard");
                 return Ok(true);
             }
         }
@@ -63,6 +64,7 @@ impl Link {
         self.seq = self.seq.wrapping_add(1);
         let bytes = request(self.seq, body);
         for _ in 0..self.tries {
+            tracing::trace!(seq = self.seq, body, "sent");
             self.port()?.send(&bytes)?;
             if let Some(answer) = self.answer()? {
                 return Ok(answer);
@@ -75,7 +77,11 @@ impl Link {
     fn answer(&mut self) -> Result<Option<String>, LinkError> {
         let deadline = Instant::now() + self.reply;
         while let Some(byte) = self.port()?.byte(deadline)? {
-            match self.reader.take(byte) {
+            let said = self.reader.take(byte);
+            if let Some(said) = &said {
+                tracing::trace!(?said, "heard");
+            }
+            match said {
                 Some(Said::Reply { seq, body }) if seq == self.seq => return Ok(Some(body)),
                 // A late answer to an earlier one.
                 Some(Said::Reply { .. }) | None => {}

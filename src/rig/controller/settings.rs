@@ -14,7 +14,7 @@ const ACCELERATIONS: [f64; 2] = [10.0, 200_000.0];
 const LONGEST_CONTACT_MS: u32 = 60_000;
 
 /// A stepper controller with grainrig's firmware.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
     /// The serial port, best by its name under `/dev/serial/by-id`, which stays when others come and go.
@@ -56,7 +56,7 @@ pub struct Settings {
 }
 
 /// Where zero is.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Reference {
     /// Where the stage stands when a run begins. A run that is taken up again goes on from where it left the stage.

@@ -8,12 +8,13 @@ use grainrig_core::geometry::Angle;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
+use tracing::Span;
 
 /// The stage on a serial line.
 pub struct ControllerStage {
     limits: [Angle; 2],
     about: String,
-    wanted: Sender<Wanted>,
+    wanted: Sender<(Span, Wanted)>,
     reached: Receiver<Result<f64, RigError>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -36,12 +37,12 @@ fn gone() -> RigError {
 }
 
 /// The camera's release on the controller's board. Good as long as its stage.
-pub struct ControllerShutter(Sender<Wanted>);
+pub struct ControllerShutter(Sender<(Span, Wanted)>);
 
 impl Shutter for ControllerShutter {
     fn release(&mut self) -> Result<(), RigError> {
         let (answer, done) = channel();
-        self.0.send(Wanted::Photograph(answer)).map_err(|_| gone())?;
+        self.0.send((Span::current(), Wanted::Photograph(answer))).map_err(|_| gone())?;
         done.recv().map_err(|_| gone())?
     }
 }
@@ -68,7 +69,7 @@ impl ControllerStage {
     }
 
     fn ask(&self, wanted: Wanted) -> Result<Angle, RigError> {
-        self.wanted.send(wanted).map_err(|_| gone())?;
+        self.wanted.send((Span::current(), wanted)).map_err(|_| gone())?;
         self.reached.recv().map_err(|_| gone())?.map(Angle::from_deg)
     }
 }
@@ -76,11 +77,15 @@ impl ControllerStage {
 fn serve(
     mut machine: Machine,
     each: Duration,
-    wants: &Receiver<Wanted>,
+    wants: &Receiver<(Span, Wanted)>,
     answer: &Sender<Result<f64, RigError>>,
 ) {
     loop {
-        let done = match wants.recv_timeout(each) {
+        let (span, wanted) =
+            wants.recv_timeout(each).map_or_else(|e| (Span::none(), Err(e)), |(s, w)| (s, Ok(w)));
+        // What is said on the line belongs to what was asked for.
+        let _within = span.entered();
+        let done = match wanted {
             Ok(Wanted::Home) => machine.home(),
             Ok(Wanted::TakeUp(deg)) => machine.take_up(deg),
             Ok(Wanted::MoveTo(deg)) => machine.move_to(deg),
@@ -129,7 +134,7 @@ impl Drop for ControllerStage {
     /// Waits until the motor is let go.
     fn drop(&mut self) {
         // The camera's release may be there still, so that the end of the line alone would not tell.
-        let _ = self.wanted.send(Wanted::End);
+        let _ = self.wanted.send((Span::none(), Wanted::End));
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }

@@ -15,7 +15,7 @@ const LONGEST_S: f64 = 3600.0;
 const DESKTOP: &str = "gvfs-gphoto2-volume-monitor";
 
 /// The `[gphoto2]` settings: which camera, how it is to be set, and how much patience it gets.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
     /// The camera's name as `gphoto2 --auto-detect` prints it; empty: the only one that is found.
@@ -54,7 +54,7 @@ pub struct Settings {
 }
 
 /// Where the camera keeps a picture until it is fetched.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Target {
     /// On its card: a picture outlives whatever happens to the cable.

@@ -106,6 +106,7 @@ impl Worker {
 
     /// Sends a request without waiting for what becomes of it.
     pub(super) fn tell(&mut self, request: &Request) -> Result<(), Failure> {
+        tracing::trace!(?request, "sent");
         let bytes = serde_json::to_vec(request).map_err(std::io::Error::from);
         let requests = self.requests.as_mut().ok_or_else(|| std::io::ErrorKind::BrokenPipe.into());
         let sent = requests.and_then(|to| wire::write(to, Kind::Message, &bytes?));
@@ -116,7 +117,14 @@ impl Worker {
         let end = Instant::now() + deadline;
         let mut files = Vec::new();
         loop {
-            match self.incoming.recv_timeout(end.saturating_duration_since(Instant::now())) {
+            let next = self.incoming.recv_timeout(end.saturating_duration_since(Instant::now()));
+            match &next {
+                Ok(Incoming::Reply(reply)) => tracing::trace!(?reply, "heard"),
+                Ok(Incoming::File(bytes)) => tracing::trace!(bytes = bytes.len(), "heard a file"),
+                Ok(Incoming::Damaged(reason)) => tracing::trace!(reason, "heard what is damaged"),
+                Err(_) => {}
+            }
+            match next {
                 Ok(Incoming::File(bytes)) => files.push(bytes),
                 Ok(Incoming::Reply(Reply::Failed(failure))) => return Err(failure),
                 Ok(Incoming::Reply(reply)) => return Ok((reply, files)),

@@ -106,6 +106,7 @@ impl Board {
     }
 
     fn send(&mut self, bytes: &[u8]) -> Result<(), RigError> {
+        tracing::trace!(line = %bytes.escape_ascii(), "sent");
         self.port
             .send(bytes)
             .map_err(|e| self.fault(&format!("the line broke: {e}"), "check the cable, then resume"))
@@ -124,6 +125,9 @@ impl Board {
                 None => return Ok(None),
                 Some(b'\n' | b'\r') => {
                     let text = String::from_utf8_lossy(&std::mem::take(&mut self.line)).trim().to_owned();
+                    if !text.is_empty() {
+                        tracing::trace!(line = text, "heard");
+                    }
                     if text.starts_with("Grbl ") && !self.version.is_empty() {
                         self.zero_deg = None;
                         return Err(self.fault(
@@ -252,7 +256,7 @@ impl Board {
                 _ => {}
             }
             if Instant::now() >= deadline {
-                let _ = self.port.send(&[FEED_HOLD]);
+                let _ = self.send(&[FEED_HOLD]);
                 return Err(self.fault(
                     &format!(
                         "{what} did not end within {:.1} s ({} at {:.3}°)",

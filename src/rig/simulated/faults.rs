@@ -6,7 +6,7 @@ use std::time::Duration;
 
 /// Faults of a session, each at one exposure or one move, counted from 0. The count goes on where a run is taken up again
 /// ([`crate::rig::Before`]): a fault that has come and gone does not come again.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Faults {
     /// The exposure whose file ends after two thirds of its bytes.
@@ -85,7 +85,7 @@ impl Default for Faults {
 }
 
 /// A device that fails for some tries, and is then as before.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Outage {
     /// The exposure, or the move, at which it begins.
@@ -106,7 +106,7 @@ impl Outage {
 }
 
 /// An exposure that takes long.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Slow {
     /// The exposure.
@@ -116,7 +116,7 @@ pub struct Slow {
 }
 
 /// A move that ends elsewhere.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Missed {
     /// The move.
@@ -126,7 +126,7 @@ pub struct Missed {
 }
 
 /// A grain that turns on its pedestal.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Slip {
     /// The first exposure that sees the grain turned.

@@ -14,7 +14,7 @@ const LONGEST_S: f64 = 3600.0;
 const LONGEST_SIDE: u32 = 32_768;
 
 /// The `[v4l2]` settings: which camera, how it is to be set, and how much patience it gets.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
     /// The device, by the name that stays: `/dev/v4l/by-id/usb-…-video-index0`. Empty: the only one there.
@@ -43,7 +43,7 @@ pub struct Settings {
 }
 
 /// How a video camera delivers its pictures.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PixelFormat {
     /// JPEG files, archived as they come.

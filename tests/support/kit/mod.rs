@@ -90,9 +90,7 @@ impl Lab {
     pub fn command(&self, args: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_grainrig"));
         command.current_dir(self.dir.path()).arg("--data").arg(self.path("data")).args(args);
-        for name in ["GRAINRIG_LOG", "GRAINRIG_DATA", "GRAINRIG_CONFIG"] {
-            command.env_remove(name);
-        }
+        quiet(&mut command, self.dir.path());
         command.stdin(Stdio::null());
         command
     }
@@ -150,6 +148,15 @@ impl Lab {
     pub fn assert_sound(&self, name: &str) {
         self.run(&["verify", name]).succeeds();
     }
+}
+
+/// Keeps what the developer's own environment says from a program: its settings, and the account's configuration.
+pub fn quiet(command: &mut Command, home: &Path) {
+    for name in ["GRAINRIG_LOG", "GRAINRIG_LOG_FORMAT", "GRAINRIG_DATA", "GRAINRIG_CONFIG", "XDG_CONFIG_HOME"]
+    {
+        command.env_remove(name);
+    }
+    command.env("HOME", home);
 }
 
 /// The names in a folder, sorted.

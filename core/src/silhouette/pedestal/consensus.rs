@@ -25,6 +25,7 @@ pub struct ConsensusValue {
     /// The figure.
     pub value: f64,
     /// Its standard uncertainty, from the scatter of the views.
+    #[serde(rename = "sigma")]
     pub sd: f64,
 }
 
