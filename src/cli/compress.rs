@@ -3,7 +3,7 @@
 use super::mesh::Unit;
 use super::mesh_files::outwards;
 use super::output::{print, print_json, say};
-use super::{Common, usage};
+use super::{Common, laws, usage};
 use crate::daemon::{
     Claim, CompressInput, CompressMaterial, CompressProgress, CompressRequest, CompressResult, Compression,
     DaemonError, OtherCurve, claim_of, experiment_lines, session_grain, transition_line,
@@ -37,8 +37,8 @@ pub struct Arguments {
     #[arg(long, value_enum, default_value_t = Unit::Mm)]
     unit: Unit,
     /// How the grain answers; plastic yields at --yield-mpa.
-    #[arg(long, value_enum, default_value_t = Kind::Elastic)]
-    material: Kind,
+    #[arg(long, value_parser = laws::parser(), default_value = CompressMaterial::default().0.name)]
+    material: CompressMaterial,
     /// Young's modulus, MPa.
     #[arg(long, value_name = "MPA", default_value_t = CompressRequest::default().young_mpa, allow_negative_numbers = true)]
     young_mpa: f64,
@@ -54,6 +54,8 @@ pub struct Arguments {
     /// Slope of the yield stress against the plastic strain, MPa.
     #[arg(long, value_name = "MPA", default_value_t = CompressRequest::default().hardening_mpa, allow_negative_numbers = true)]
     hardening_mpa: f64,
+    #[command(flatten)]
+    parameters: laws::Parameters,
     /// Coulomb's friction between plates and grain.
     #[arg(long, value_name = "MU", default_value_t = CompressRequest::default().friction, allow_negative_numbers = true)]
     friction: f64,
@@ -106,24 +108,6 @@ pub struct Arguments {
     /// Go on with the interrupted compression of this folder; its own settings hold.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["input", "sphere_diameter_mm", "out"])]
     resume: Option<PathBuf>,
-}
-
-/// How a grain answers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Kind {
-    /// Elastic.
-    Elastic,
-    /// Elastic, then perfectly plastic.
-    Plastic,
-}
-
-impl From<Kind> for CompressMaterial {
-    fn from(kind: Kind) -> Self {
-        match kind {
-            Kind::Elastic => Self::Elastic,
-            Kind::Plastic => Self::Plastic,
-        }
-    }
 }
 
 pub(super) fn run(common: &Common, a: &Arguments) -> Result<()> {
@@ -214,12 +198,13 @@ fn show(bar: &indicatif::ProgressBar, said: &mut Option<u32>, p: &CompressProgre
 /// What was asked, as a script or the monitor would ask it.
 fn request(a: &Arguments, as_given: bool) -> CompressRequest {
     CompressRequest {
-        material: a.material.into(),
+        material: a.material,
         young_mpa: a.young_mpa,
         poisson: a.poisson,
         density_t_mm3: a.density_t_mm3,
         yield_mpa: a.yield_mpa,
         hardening_mpa: a.hardening_mpa,
+        parameters: a.parameters.0.clone(),
         friction: a.friction,
         to_force_n: a.to_force_n,
         to_approach_mm: a.to_approach_mm,
@@ -319,8 +304,7 @@ fn others(a: &Arguments) -> Result<Vec<OtherCurve>> {
         let bytes = bounded(&path, "a result of a compression")?;
         let result: CompressResult = serde_json::from_slice(&bytes)
             .with_context(|| format!("{} is no result of a compression", path.display()))?;
-        let plastic = result.settings.material.yield_mpa.is_some();
-        let name = if plastic { "elastic-plastic" } else { "elastic" };
+        let name = result.settings.material.law().legend;
         let points: Vec<CurvePoint> = result.curve;
         out.push(OtherCurve { name: name.into(), points, measured: None });
     }

@@ -8,6 +8,7 @@ mod doctor;
 mod focus;
 mod help;
 mod import;
+mod laws;
 mod local_compressions;
 mod local_rig;
 mod merge;
