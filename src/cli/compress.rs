@@ -14,8 +14,7 @@ use clap::Args;
 use grainrig_core::contact::ContactError;
 use grainrig_core::contact::CurvePoint;
 use grainrig_core::contact::experiment::{self, Compliance};
-use grainrig_core::formats::{inp_read, msh, stl};
-use grainrig_core::geometry::TriangleMesh;
+use grainrig_core::formats::{Format, Reads, endings};
 use serde_json::json;
 use std::fs::File;
 use std::io::Read as _;
@@ -27,8 +26,7 @@ const MOST_BYTES: u64 = 64 << 20;
 /// Options of `compress`.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// A session, a mesh of tetrahedra (.inp, .msh) or a closed surface (.stl).
-    #[arg(required_unless_present_any = ["sphere_diameter_mm", "resume"])]
+    #[arg(help = input_help(), required_unless_present_any = ["sphere_diameter_mm", "resume"])]
     input: Option<PathBuf>,
     /// A sphere of this diameter instead of an input, mm.
     #[arg(long, value_name = "MM", conflicts_with = "input", allow_negative_numbers = true)]
@@ -247,37 +245,43 @@ fn body(a: &Arguments) -> Result<Option<CompressInput>> {
         return Ok(Some(CompressInput::Sphere(d)));
     }
     let Some(path) = &a.input else { bail!("no input") };
-    let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
-    if ending == "stl" {
-        let surface = surface(path, a.unit)?;
-        return Ok(Some(CompressInput::Surface(surface, path.display().to_string())));
-    }
-    if ending == "inp" || ending == "msh" {
-        let bytes = crate::system::read(path)?;
-        let read = if ending == "inp" { inp_read::read(&bytes) } else { msh::read(&bytes) };
-        let mut mesh = read.with_context(|| path.display().to_string())?;
-        mesh.nodes.iter_mut().for_each(|p| p.coords *= a.unit.in_mm());
-        if a.size_mm.is_some() || a.size_at_contact_mm.is_some() {
-            return Err(usage(
-                "--size-mm and --size-at-contact-mm go with a surface or a session; this file is a mesh already",
-            ));
+    let name = || path.display().to_string();
+    match Format::of(path).and_then(|f| f.reads) {
+        Some(Reads::Surface(read)) => {
+            let mut surface = read(&crate::system::read(path)?).with_context(name)?;
+            surface.vertices.iter_mut().for_each(|p| p.coords *= a.unit.in_mm());
+            let outwards = outwards(surface, path)?.0.surface().clone();
+            Ok(Some(CompressInput::Surface(outwards, name())))
         }
-        return Ok(Some(CompressInput::Mesh(mesh, path.display().to_string())));
+        Some(Reads::Volume(read)) => {
+            let mut mesh = read(&crate::system::read(path)?).with_context(name)?;
+            mesh.nodes.iter_mut().for_each(|p| p.coords *= a.unit.in_mm());
+            if a.size_mm.is_some() || a.size_at_contact_mm.is_some() {
+                return Err(usage(
+                    "--size-mm and --size-at-contact-mm go with a surface or a session; this file is a mesh already",
+                ));
+            }
+            Ok(Some(CompressInput::Mesh(mesh, name())))
+        }
+        _ if path.is_file() => Err(usage(format!(
+            "{}: a body is read from {}; `grainrig mesh` makes one of them from other files",
+            path.display(),
+            endings(is_body, " or ")
+        ))),
+        _ => Ok(None),
     }
-    if path.is_file() {
-        return Err(usage(format!(
-            "{}: a body is read from .stl, .inp or .msh; `grainrig mesh` makes one of them from other files",
-            path.display()
-        )));
-    }
-    Ok(None)
 }
 
-/// The closed surface of an STL file, facing outwards.
-fn surface(path: &Path, unit: Unit) -> Result<TriangleMesh> {
-    let mut surface = stl::read(&crate::system::read(path)?).with_context(|| path.display().to_string())?;
-    surface.vertices.iter_mut().for_each(|p| p.coords *= unit.in_mm());
-    Ok(outwards(surface, path)?.0.surface().clone())
+/// Whether a body to be compressed is read of such files.
+fn is_body(format: &Format) -> bool {
+    matches!(format.reads, Some(Reads::Surface(_) | Reads::Volume(_)))
+}
+
+/// What may be compressed, for a help text.
+fn input_help() -> String {
+    let volumes = endings(|f| matches!(f.reads, Some(Reads::Volume(_))), ", ");
+    let surfaces = endings(|f| matches!(f.reads, Some(Reads::Surface(_))), ", ");
+    format!("A session, a mesh of tetrahedra ({volumes}) or a closed surface ({surfaces})")
 }
 
 /// The curves to be drawn beside: the laboratory's, and those of other compressions.

@@ -1,6 +1,8 @@
 //! `grainrig mesh`.
 
-use super::mesh_files::{Input, Made, READ, check_output, ending, open, whole};
+use super::mesh_files::{
+    Input, Made, check_output, ending, input_help, open, output_help, read_endings, reads, whole,
+};
 use super::output::{print, print_json};
 use super::progress::Progress;
 use super::reconstruct::MeshOptions;
@@ -10,7 +12,7 @@ use crate::pipeline::MeshResult;
 use crate::session::{sha256_hex, to_json_value};
 use anyhow::{Context as _, Result};
 use clap::Args;
-use grainrig_core::formats::{inp, inp_read};
+use grainrig_core::formats::{Particulars, inp, inp_read};
 use grainrig_core::geometry::Aabb;
 use grainrig_core::mesh::{Controls, Distances, mesh};
 use grainrig_core::plausible::{self, Doubt};
@@ -24,7 +26,7 @@ const COARSE: f64 = 2.0;
 /// Options of `mesh`.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// A closed surface (.stl, .ply), a mesh whose surface is taken (.inp, .msh), voxels (.nrrd), or a session.
+    #[arg(help = input_help())]
     input: PathBuf,
     #[command(flatten)]
     mesh: MeshOptions,
@@ -40,10 +42,7 @@ pub struct Arguments {
     /// Voxels above this value are the grain; needed unless there are just two values.
     #[arg(long, allow_negative_numbers = true)]
     threshold: Option<f64>,
-    /// Files to write; the ending says what: .inp (Abaqus), .vtu (`ParaView`), .msh (Gmsh), .stl, .ply, .glb (surfaces),
-    /// .svg, .png (histograms of its quality). By default NAME.inp here for a surface; a session has its products in its
-    /// own folder.
-    #[arg(long, value_name = "FILE", num_args = 1..)]
+    #[arg(long, value_name = "FILE", num_args = 1.., help = output_help())]
     out: Vec<PathBuf>,
     /// Write over files that are there already.
     #[arg(long)]
@@ -89,7 +88,7 @@ impl Arguments {
 pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let input = &arguments.input;
     let outputs = outputs(arguments)?;
-    if !READ.contains(&ending(input).as_str()) {
+    if reads(input).is_none() {
         return of_session(common, arguments);
     }
     let start = Instant::now();
@@ -127,7 +126,8 @@ pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     }
     let sheet = said.sheet(&made, &format!("Mesh of {}", input.display()));
     let order = arguments.order();
-    let files = Made { mesh: &made, order, band_mm: band(&controls), provenance: &provenance, sheet: &sheet };
+    let particulars = Particulars { order, band_mm: band(&controls), provenance: &provenance };
+    let files = Made { mesh: &made, particulars, sheet: &sheet };
     outputs.iter().try_for_each(|path| files.write(path))?;
     if common.json {
         let mut object = to_json_value(&result)?;
@@ -174,9 +174,9 @@ fn of_session(common: &Common, arguments: &Arguments) -> Result<()> {
     let input = &arguments.input;
     if arguments.unit != Unit::Mm || arguments.preset.is_some() || arguments.threshold.is_some() {
         return Err(usage(format!(
-            "{}: --unit, --preset and --threshold go with a file (ending .stl, .ply, .inp, .msh or .nrrd); a session knows \
-             its scale",
-            input.display()
+            "{}: --unit, --preset and --threshold go with a file (ending {}); a session knows its scale",
+            input.display(),
+            read_endings()
         )));
     }
     let folder = super::session_folder(common, input)?;
@@ -218,7 +218,8 @@ fn convert(arguments: &Arguments, done: &Finished, path: &Path) -> Result<()> {
         Vec::new(),
     );
     let order = arguments.order();
-    Made { mesh: &mesh, order, band_mm: band(&controls), provenance: &provenance, sheet: &sheet }.write(path)
+    let particulars = Particulars { order, band_mm: band(&controls), provenance: &provenance };
+    Made { mesh: &mesh, particulars, sheet: &sheet }.write(path)
 }
 
 /// What is told of a mesh.
@@ -269,7 +270,7 @@ fn outputs(arguments: &Arguments) -> Result<Vec<PathBuf>> {
     let input = &arguments.input;
     let asked = if !arguments.out.is_empty() {
         arguments.out.clone()
-    } else if READ.contains(&ending(input).as_str()) {
+    } else if reads(input).is_some() {
         // Not `with_extension`: of `grain.v2.stl` the name is `grain.v2`.
         let mut name = input.file_stem().unwrap_or_default().to_owned();
         name.push(".inp");

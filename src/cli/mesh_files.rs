@@ -6,16 +6,47 @@ use super::usage;
 use crate::session::write_whole;
 use crate::system::FileError;
 use anyhow::{Context as _, Result, anyhow};
-use grainrig_core::formats::{glb, inp, inp_read, msh, nrrd, ply, stl, vtu};
+use grainrig_core::formats::{FORMATS, Format, Particulars, Reader, Reads, Writes, endings, nrrd, stl};
 use grainrig_core::geometry::{Aabb, ImplicitBody, Point, TriangleMesh, Vector};
 use grainrig_core::mesh::{MOST_TRIANGLES, MeshError, Solid, TetMesh, Voxels, check_extent};
 use grainrig_core::report::Sheet;
 use std::io::Read as _;
 use std::path::Path;
 
-/// Endings of surfaces and voxels that are read, and of everything that is written.
-pub(super) const READ: [&str; 5] = ["stl", "ply", "inp", "msh", "nrrd"];
-pub(super) const WRITTEN: [&str; 8] = ["inp", "vtu", "msh", "stl", "ply", "glb", "svg", "png"];
+/// Endings of the drawings of a mesh's quality, which are written beside the formats of meshes.
+const DRAWN: [&str; 2] = ["svg", "png"];
+
+/// What is read of a file, by its ending.
+pub(super) fn reads(path: &Path) -> Option<Reads> {
+    Format::of(path)?.reads
+}
+
+/// The endings of the files that are read, in a sentence.
+pub(super) fn read_endings() -> String {
+    endings(|f| f.reads.is_some(), " or ")
+}
+
+/// What may be meshed, for a help text.
+pub(super) fn input_help() -> String {
+    format!(
+        "A closed surface ({}), a mesh whose surface is taken ({}), voxels ({}), or a session",
+        endings(|f| matches!(f.reads, Some(Reads::Surface(_))), ", "),
+        endings(|f| matches!(f.reads, Some(Reads::Volume(_))), ", "),
+        endings(|f| matches!(f.reads, Some(Reads::Voxels(_))), ", "),
+    )
+}
+
+/// What may be written, for a help text.
+pub(super) fn output_help() -> String {
+    let volumes = FORMATS.iter().filter(|f| matches!(f.writes, Some(Writes::Volume(_))));
+    let volumes: Vec<String> = volumes.map(|f| format!(".{} ({})", f.endings[0], f.name)).collect();
+    format!(
+        "Files to write; the ending says what: {}, {} (surfaces), .svg, .png (histograms of its quality). By default NAME.inp \
+         here for a surface; a session has its products in its own folder",
+        volumes.join(", "),
+        endings(|f| matches!(f.writes, Some(Writes::Surface(_))), ", "),
+    )
+}
 
 /// The ending of a file's name, in small letters.
 pub(super) fn ending(path: &Path) -> String {
@@ -50,10 +81,9 @@ pub(super) fn read(path: &Path, unit: Unit) -> Result<(TriangleMesh, Vec<u8>)> {
         }
         of_mesh(mesh)
     };
-    let mut surface = match ending(path).as_str() {
-        "ply" => ply::read(&bytes).with_context(name)?,
-        "inp" => of_mesh(inp_read::read(&bytes).with_context(name)?)?,
-        "msh" => of_mesh(msh::read(&bytes).with_context(name)?)?,
+    let mut surface = match reads(path) {
+        Some(Reads::Volume(read)) => of_mesh(read(&bytes).with_context(name)?)?,
+        Some(Reads::Surface(read)) => read(&bytes).with_context(name)?,
         _ => stl::read(&bytes).with_context(name)?,
     };
     surface.vertices.iter_mut().for_each(|p| p.coords *= unit.in_mm());
@@ -78,11 +108,15 @@ pub(super) struct Input {
 
 /// Opens a body: a closed surface, the surface of a mesh, or voxels.
 pub(super) fn open(path: &Path, unit: Unit, threshold: Option<f64>) -> Result<Input> {
-    if ending(path) == "nrrd" {
-        return voxels(path, unit, threshold);
+    if let Some(Reads::Voxels(read)) = reads(path) {
+        return voxels(path, read, unit, threshold);
     }
     if threshold.is_some() {
-        return Err(usage(format!("{}: --threshold goes with voxels (.nrrd)", path.display())));
+        return Err(usage(format!(
+            "{}: --threshold goes with voxels ({})",
+            path.display(),
+            endings(|f| matches!(f.reads, Some(Reads::Voxels(_))), " or ")
+        )));
     }
     let (mut surface, bytes) = read(path, unit)?;
     let moved_mm = surface.bounds().map_or_else(Vector::zeros, |b| away(&b));
@@ -122,13 +156,13 @@ pub(super) fn outwards(surface: TriangleMesh, path: &Path) -> Result<(Solid, boo
 }
 
 /// Voxels: what is above the threshold is the body.
-fn voxels(path: &Path, unit: Unit, threshold: Option<f64>) -> Result<Input> {
+fn voxels(path: &Path, read: Reader<nrrd::Volume>, unit: Unit, threshold: Option<f64>) -> Result<Input> {
     let name = || path.display().to_string();
     if let Some(t) = threshold.filter(|t| !t.is_finite()) {
         return Err(usage(format!("--threshold {t}: it must be a finite number, in the file's grey values")));
     }
     let bytes = crate::system::read(path)?;
-    let volume = nrrd::read(&bytes).with_context(name)?;
+    let volume = read(&bytes).with_context(name)?;
     let in_mm = match volume.unit.as_deref() {
         None => unit.in_mm(),
         Some(word) => match word.to_lowercase().as_str() {
@@ -190,34 +224,18 @@ fn away(bounds: &Aabb) -> Vector {
 /// What is written of a mesh.
 pub(super) struct Made<'a> {
     pub(super) mesh: &'a TetMesh,
-    pub(super) order: inp::Order,
-    /// How far the contact sets reach, mm.
-    pub(super) band_mm: f64,
-    pub(super) provenance: &'a [String],
+    pub(super) particulars: Particulars<'a>,
     pub(super) sheet: &'a Sheet,
 }
 
 impl Made<'_> {
     /// Writes a file, whose ending says what.
     pub(super) fn write(&self, path: &Path) -> Result<()> {
-        let (mesh, says) = (self.mesh, self.provenance);
-        let second = self.order == inp::Order::Second;
         let mut out = Vec::new();
-        match ending(path).as_str() {
-            "inp" => inp::write_order(mesh, self.order, says, self.band_mm, &mut out)?,
-            "msh" => msh::write(mesh, second, says, &mut out)?,
-            "vtu" if second => vtu::write_second(&mesh.second_order(), says, &mut out)?,
-            "vtu" => vtu::write_plain(mesh, says, &mut out)?,
-            "ply" => ply::write(&mesh.surface().triangles, says, &mut out)?,
-            "glb" => glb::write(&mesh.surface().triangles, says, &mut out)?,
-            "svg" => out = self.sheet.svg(),
-            "png" => out = self.sheet.png().context("cannot draw the histograms")?,
-            _ => {
-                // The header has room for a part of the hash.
-                let hash = says.iter().find_map(|line| line.strip_prefix("sha256 of the input "));
-                let short = hash.map_or(String::new(), |h| format!("from sha256 {h:.24}"));
-                stl::write_from(&mesh.surface().triangles, &short, &mut out)?;
-            }
+        match (Format::of(path), ending(path).as_str()) {
+            (Some(format), _) => format.write(self.mesh, &self.particulars, &mut out)?,
+            (None, "svg") => out = self.sheet.svg(),
+            (None, _) => out = self.sheet.png().context("cannot draw the histograms")?,
         }
         whole(path, &out)
     }
@@ -232,9 +250,10 @@ pub(super) fn whole(path: &Path, bytes: &[u8]) -> Result<()> {
 
 /// Refuses a file to write whose kind is not known, or that is the one that is read.
 pub(super) fn check_output(path: &Path, input: &Path, force: bool) -> Result<()> {
-    if !WRITTEN.contains(&ending(path).as_str()) {
-        let all = WRITTEN.map(|e| format!(".{e}")).join(", ");
-        return Err(usage(format!("{}: the ending must be one of {all}", path.display())));
+    let is_written = Format::of(path).is_some_and(|f| f.writes.is_some());
+    if !is_written && !DRAWN.contains(&ending(path).as_str()) {
+        let all = endings(|f| f.writes.is_some(), ", ");
+        return Err(usage(format!("{}: the ending must be one of {all}, .svg, .png", path.display())));
     }
     let read = input.canonicalize().ok();
     if read.is_some() && path.canonicalize().ok() == read {
