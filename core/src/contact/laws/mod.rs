@@ -4,6 +4,7 @@
 //! [`MaterialLaw`] computes, a chunk of elements at a call. All else reads the table: the checks of a [`Material`], checkpoints,
 //! decks, `compress --material`, the daemon's requests, and the conformance suite that every law has to pass (`tests/contact/laws.rs`).
 
+mod drucker_prager;
 mod elastic;
 mod plastic;
 mod radial_return;
@@ -17,7 +18,7 @@ use std::fmt::{self, Debug};
 use std::sync::Arc;
 
 /// All laws; the first is the usual one.
-pub static LAWS: [&Law; 2] = [&elastic::LAW, &plastic::LAW];
+pub static LAWS: [&Law; 3] = [&elastic::LAW, &plastic::LAW, &drucker_prager::LAW];
 
 /// What is known of a law without a material.
 pub struct Law {
