@@ -233,7 +233,7 @@ fn what_cannot_be_compressed_is_refused_with_what_to_do() {
         (
             vec!["odd.csv"],
             2,
-            "odd.csv: a body is read from .inp, .msh, .stl or .ply; `grainrig mesh` makes one",
+            "odd.csv: a body is read from .inp, .msh, .stl, .ply or .obj; `grainrig mesh` makes one",
         ),
         (vec![ball, "0.8", "--experiment", "odd.csv"], 1, "Zeit,Weg"),
         (

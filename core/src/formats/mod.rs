@@ -12,6 +12,7 @@ pub mod jpeg;
 pub mod msh;
 pub mod nrrd;
 mod numbers;
+pub mod obj;
 mod photograph;
 pub mod ply;
 pub mod press_deck;
@@ -31,8 +32,16 @@ use std::path::Path;
 
 /// Formats of meshes, surfaces and voxels. What reads or writes files, serves them or lists their endings, reads this table: a
 /// format is a module here and its line.
-pub static FORMATS: [&Format; 7] =
-    [&inp::FORMAT, &vtu::FORMAT, &msh::FORMAT, &stl::FORMAT, &ply::FORMAT, &glb::FORMAT, &nrrd::FORMAT];
+pub static FORMATS: [&Format; 8] = [
+    &inp::FORMAT,
+    &vtu::FORMAT,
+    &msh::FORMAT,
+    &stl::FORMAT,
+    &ply::FORMAT,
+    &obj::FORMAT,
+    &glb::FORMAT,
+    &nrrd::FORMAT,
+];
 
 /// A format of files.
 #[derive(Debug)]
