@@ -114,7 +114,7 @@ fn what_cannot_be_meshed_is_refused_with_its_name_and_a_remedy() {
     refused(at, &["mesh", "cut.stl"], 1, &["cut.stl", "cut short", "500 bytes"]);
     refused(at, &["mesh", "not.stl"], 1, &["not.stl", "STL"]);
     refused(at, &["mesh", "missing.stl"], 1, &["missing.stl", "cannot read"]);
-    refused(at, &["mesh", "ball.stl", "--out", "ball.obj"], 2, &["ball.obj", ".vtu"]);
+    refused(at, &["mesh", "ball.stl", "--out", "ball.off"], 2, &["ball.off", ".vtu"]);
     refused(at, &["mesh", "ball.stl", "--out", "./ball.stl"], 2, &["ball.stl", "another name"]);
     refused(at, &["mesh", "ball.stl", "--out", "no/such/a.inp"], 1, &["no/such/a.inp", "cannot write"]);
     refused(at, &["mesh", "ball.stl", "--facet-angle-deg", "45"], 2, &["45 °", "at most 30°"]);
@@ -206,7 +206,7 @@ fn every_kind_of_file_is_written_and_meshes_and_surfaces_are_read_back() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("ball.stl"), written(&ball())).unwrap();
-    let files = ["a.inp", "a.vtu", "a.msh", "a.stl", "a.ply", "a.glb", "a.svg", "a.png"];
+    let files = ["a.inp", "a.vtu", "a.msh", "a.stl", "a.ply", "a.obj", "a.glb", "a.svg", "a.png"];
     let start = [
         "mesh",
         "ball.stl",
@@ -230,11 +230,12 @@ fn every_kind_of_file_is_written_and_meshes_and_surfaces_are_read_back() {
     has("a.msh", "sha256 of the input ");
     has("a.vtu", "<!-- made by grainrig ");
     has("a.ply", "comment sha256 of the input ");
+    has("a.obj", "# sha256 of the input ");
     has("a.stl", "from sha256 ");
     has("a.glb", "sha256 of the input ");
     has("a.svg", "dihedral angles");
     assert_eq!(&fs::read(at.join("a.png")).unwrap()[1..4], b"PNG");
-    for file in ["a.inp", "a.msh", "a.stl", "a.ply"] {
+    for file in ["a.inp", "a.msh", "a.stl", "a.ply", "a.obj"] {
         let out =
             grainrig(at, &["mesh", file, "--preset", "coarse", "--json", "--force", "--out", "again.vtu"]);
         assert!(out.status.success(), "{file}: {}", String::from_utf8_lossy(&out.stderr));

@@ -11,6 +11,7 @@ use crate::server::{
 };
 use crate::session::event::{CompressionNews, Event, Happening, JobNews, News};
 use crate::session::{Exchange, Hashes, Recording, SessionError, Summary, remove, sha256_hex};
+use grainrig_core::formats::Format;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -251,10 +252,12 @@ impl Rig for LocalRig {
 
 /// The media type of a product or another result, by its name's ending.
 pub(super) fn media_type(file: &str) -> &'static str {
+    if let Some(format) = Format::of(file) {
+        return format.media_type;
+    }
     match file.rsplit('.').next() {
         Some("json") => "application/json",
-        Some("stl") => "model/stl",
-        Some("vtu" | "pvd") => "application/xml",
+        Some("pvd") => "application/xml",
         Some("html") => "text/html; charset=utf-8",
         Some("svg") => "image/svg+xml",
         Some("png") => "image/png",
@@ -334,5 +337,24 @@ impl Places {
     /// The text with places below the data folder told from there on: `grain-7/journal.jsonl`.
     pub(super) fn hidden(&self, text: &str) -> String {
         self.0.iter().fold(text.to_owned(), |text, place| text.replace(place, ""))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_served_with_their_formats_media_types() {
+        for format in grainrig_core::formats::FORMATS {
+            for ending in format.endings {
+                assert_eq!(media_type(&format!("grain.{ending}")), format.media_type);
+            }
+        }
+        assert_eq!(media_type("grain.stl"), "model/stl");
+        assert_eq!(media_type("stage_01.vtu"), "application/xml");
+        assert_eq!(media_type("abaqus.inp"), "text/plain; charset=utf-8");
+        assert_eq!(media_type("curve.svg"), "image/svg+xml");
+        assert_eq!(media_type("lock"), "text/plain; charset=utf-8");
     }
 }

@@ -3,16 +3,47 @@
 use super::JobError;
 use super::error::Of as _;
 use crate::session::write_whole;
-use grainrig_core::formats::{glb, inp, inp_read, msh, nrrd, ply, stl, vtu};
+use grainrig_core::formats::{FORMATS, Format, Particulars, Reader, Reads, Writes, endings, nrrd, stl};
 use grainrig_core::geometry::{Aabb, ImplicitBody, Point, TriangleMesh, Vector};
 use grainrig_core::mesh::{MOST_TRIANGLES, MeshError, Solid, TetMesh, Voxels, check_extent};
 use grainrig_core::report::Sheet;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Endings of surfaces and voxels that are read, and of everything that is written.
-pub(super) const READ: [&str; 5] = ["stl", "ply", "inp", "msh", "nrrd"];
-pub(super) const WRITTEN: [&str; 8] = ["inp", "vtu", "msh", "stl", "ply", "glb", "svg", "png"];
+/// Endings of the drawings of a mesh's quality, which are written beside the formats of meshes.
+const DRAWN: [&str; 2] = ["svg", "png"];
+
+/// What is read of a file, by its ending.
+pub(super) fn reads(path: &Path) -> Option<Reads> {
+    Format::of(path)?.reads
+}
+
+/// The endings of the files that are read, in a sentence.
+pub(super) fn read_endings() -> String {
+    endings(|f| f.reads.is_some(), " or ")
+}
+
+/// What may be meshed, for a help text.
+pub(super) fn input_help() -> String {
+    format!(
+        "A closed surface ({}), a mesh whose surface is taken ({}), voxels ({}), or a session",
+        endings(|f| matches!(f.reads, Some(Reads::Surface(_))), ", "),
+        endings(|f| matches!(f.reads, Some(Reads::Volume(_))), ", "),
+        endings(|f| matches!(f.reads, Some(Reads::Voxels(_))), ", "),
+    )
+}
+
+/// What may be written, for a help text.
+pub(super) fn output_help() -> String {
+    let volumes = FORMATS.iter().filter(|f| matches!(f.writes, Some(Writes::Volume(_))));
+    let volumes: Vec<String> = volumes.map(|f| format!(".{} ({})", f.endings[0], f.name)).collect();
+    format!(
+        "Files to write; the ending says what: {}, {} (surfaces), .svg, .png (histograms of its quality). By default NAME.inp \
+         here for a surface; a session has its products in its own folder",
+        volumes.join(", "),
+        endings(|f| matches!(f.writes, Some(Writes::Surface(_))), ", "),
+    )
+}
 
 /// Units of length; files do not say theirs.
 #[derive(
@@ -68,10 +99,9 @@ pub(super) fn read(path: &Path, unit: Unit) -> Result<(TriangleMesh, Vec<u8>), J
         }
         of_mesh(mesh)
     };
-    let mut surface = match ending(path).as_str() {
-        "ply" => ply::read(&bytes).of(path)?,
-        "inp" => of_mesh(inp_read::read(&bytes).of(path)?)?,
-        "msh" => of_mesh(msh::read(&bytes).of(path)?)?,
+    let mut surface = match reads(path) {
+        Some(Reads::Volume(read)) => of_mesh(read(&bytes).of(path)?)?,
+        Some(Reads::Surface(read)) => read(&bytes).of(path)?,
         _ => stl::read(&bytes).of(path)?,
     };
     surface.vertices.iter_mut().for_each(|p| p.coords *= unit.in_mm());
@@ -98,11 +128,15 @@ pub(super) struct Input {
 
 /// Opens a body: a closed surface, the surface of a mesh, or voxels.
 pub(super) fn open(path: &Path, unit: Unit, threshold: Option<f64>) -> Result<Input, JobError> {
-    if ending(path) == "nrrd" {
-        return voxels(path, unit, threshold);
+    if let Some(Reads::Voxels(read)) = reads(path) {
+        return voxels(path, read, unit, threshold);
     }
     if threshold.is_some() {
-        return Err(JobError::Usage(format!("{}: --threshold goes with voxels (.nrrd)", path.display())));
+        return Err(JobError::Usage(format!(
+            "{}: --threshold goes with voxels ({})",
+            path.display(),
+            endings(|f| matches!(f.reads, Some(Reads::Voxels(_))), " or ")
+        )));
     }
     let (mut surface, bytes) = read(path, unit)?;
     let moved_mm = surface.bounds().map_or_else(Vector::zeros, |b| away(&b));
@@ -142,14 +176,19 @@ pub(super) fn outwards(surface: TriangleMesh, path: &Path) -> Result<(Solid, boo
 }
 
 /// Voxels: what is above the threshold is the body.
-fn voxels(path: &Path, unit: Unit, threshold: Option<f64>) -> Result<Input, JobError> {
+fn voxels(
+    path: &Path,
+    read: Reader<nrrd::Volume>,
+    unit: Unit,
+    threshold: Option<f64>,
+) -> Result<Input, JobError> {
     if let Some(t) = threshold.filter(|t| !t.is_finite()) {
         return Err(JobError::Usage(format!(
             "--threshold {t}: it must be a finite number, in the file's grey values"
         )));
     }
     let bytes = crate::system::read(path)?;
-    let volume = nrrd::read(&bytes).of(path)?;
+    let volume = read(&bytes).of(path)?;
     let in_mm = match volume.unit.as_deref() {
         None => unit.in_mm(),
         Some(word) => match word.to_lowercase().as_str() {
@@ -226,38 +265,22 @@ fn away(bounds: &Aabb) -> Vector {
 /// What is written of a mesh.
 pub(super) struct Made<'a> {
     pub(super) mesh: &'a TetMesh,
-    pub(super) order: inp::Order,
-    /// How far the contact sets reach, mm.
-    pub(super) band_mm: f64,
-    pub(super) provenance: &'a [String],
+    pub(super) particulars: Particulars<'a>,
     pub(super) sheet: &'a Sheet,
 }
 
 impl Made<'_> {
     /// Writes a file, whose ending says what.
     pub(super) fn write(&self, path: &Path) -> Result<(), JobError> {
-        let (mesh, says) = (self.mesh, self.provenance);
-        let second = self.order == inp::Order::Second;
         let mut out = Vec::new();
-        match ending(path).as_str() {
-            "inp" => inp::write_order(mesh, self.order, says, self.band_mm, &mut out)?,
-            "msh" => msh::write(mesh, second, says, &mut out)?,
-            "vtu" if second => vtu::write_second(&mesh.second_order(), says, &mut out)?,
-            "vtu" => vtu::write_plain(mesh, says, &mut out)?,
-            "ply" => ply::write(&mesh.surface().triangles, says, &mut out)?,
-            "glb" => glb::write(&mesh.surface().triangles, says, &mut out)?,
-            "svg" => out = self.sheet.svg(),
-            "png" => {
+        match (Format::of(path), ending(path).as_str()) {
+            (Some(format), _) => format.write(self.mesh, &self.particulars, &mut out)?,
+            (None, "svg") => out = self.sheet.svg(),
+            (None, _) => {
                 out = self
                     .sheet
                     .png()
                     .map_err(|e| JobError::Content(format!("the histograms cannot be drawn: {e}")))?;
-            }
-            _ => {
-                // The header has room for a part of the hash.
-                let hash = says.iter().find_map(|line| line.strip_prefix("sha256 of the input "));
-                let short = hash.map_or(String::new(), |h| format!("from sha256 {h:.24}"));
-                stl::write_from(&mesh.surface().triangles, &short, &mut out)?;
             }
         }
         whole(path, &out)
@@ -274,9 +297,13 @@ pub(super) fn whole(path: &Path, bytes: &[u8]) -> Result<(), JobError> {
 
 /// Refuses a file to write whose kind is not known, or that is the one that is read.
 pub(super) fn check_output(path: &Path, input: &Path, force: bool) -> Result<(), JobError> {
-    if !WRITTEN.contains(&ending(path).as_str()) {
-        let all = WRITTEN.map(|e| format!(".{e}")).join(", ");
-        return Err(JobError::Usage(format!("{}: the ending must be one of {all}", path.display())));
+    let is_written = Format::of(path).is_some_and(|f| f.writes.is_some());
+    if !is_written && !DRAWN.contains(&ending(path).as_str()) {
+        let all = endings(|f| f.writes.is_some(), ", ");
+        return Err(JobError::Usage(format!(
+            "{}: the ending must be one of {all}, .svg, .png",
+            path.display()
+        )));
     }
     let read = input.canonicalize().ok();
     if read.is_some() && path.canonicalize().ok() == read {

@@ -2,12 +2,14 @@
 
 use super::error::Of as _;
 use super::finish::Finished;
-use super::mesh_files::{Input, Made, READ, Unit, check_output, ending, open, whole};
+use super::mesh_files::{
+    Input, Made, Unit, check_output, ending, input_help, open, output_help, read_endings, reads, whole,
+};
 use super::recorded::reconstruct;
 use super::{Context, JobError};
 use crate::pipeline::{MeshResult, MeshSettings};
 use crate::session::{sha256_hex, to_json_value};
-use grainrig_core::formats::{inp, inp_read};
+use grainrig_core::formats::{Particulars, inp, inp_read};
 use grainrig_core::geometry::{Aabb, Vector};
 use grainrig_core::mesh::{Controls, Distances, TetMesh, mesh};
 use grainrig_core::plausible::{self, Doubt};
@@ -24,7 +26,8 @@ const COARSE: f64 = 2.0;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema, clap::Args)]
 #[serde(deny_unknown_fields)]
 pub struct MeshOptions {
-    /// A closed surface (.stl, .ply), a mesh whose surface is taken (.inp, .msh), voxels (.nrrd), or a session.
+    /// A closed surface, a mesh whose surface is taken, voxels, or a session.
+    #[arg(help = input_help())]
     #[schema(value_type = String)]
     pub input: PathBuf,
     /// The mesh's controls.
@@ -45,10 +48,8 @@ pub struct MeshOptions {
     /// Voxels above this value are the grain; needed unless there are just two values.
     #[arg(long, allow_negative_numbers = true)]
     pub threshold: Option<f64>,
-    /// Files to write; the ending says what: .inp (Abaqus), .vtu (`ParaView`), .msh (Gmsh), .stl, .ply, .glb (surfaces),
-    /// .svg, .png (histograms of its quality). By default NAME.inp here for a surface; a session has its products in its
-    /// own folder.
-    #[arg(long, value_name = "FILE", num_args = 1..)]
+    /// Files to write; the ending says what. By default NAME.inp for a file; a session has its products in its own folder.
+    #[arg(long, value_name = "FILE", num_args = 1.., help = output_help())]
     #[serde(default)]
     #[schema(value_type = Vec<String>)]
     pub out: Vec<PathBuf>,
@@ -110,7 +111,7 @@ impl MeshOptions {
     }
 
     pub(super) fn is_file(&self) -> bool {
-        READ.contains(&ending(&self.input).as_str())
+        reads(&self.input).is_some()
     }
 
     /// Whether it makes sense, as far as that can be told before anything is computed.
@@ -188,13 +189,9 @@ impl MeshOptions {
             files: outputs.iter().map(|(named, _)| named.clone()).collect(),
         };
         let sheet = done.sheet(&made, &format!("Mesh of {}", self.input.display()));
-        let files = Made {
-            mesh: &made,
-            order: self.order(),
-            band_mm: band(&controls),
-            provenance: &provenance,
-            sheet: &sheet,
-        };
+        let particulars =
+            Particulars { order: self.order(), band_mm: band(&controls), provenance: &provenance };
+        let files = Made { mesh: &made, particulars, sheet: &sheet };
         outputs.iter().try_for_each(|(_, place)| files.write(place))?;
         Ok(done)
     }
@@ -202,9 +199,9 @@ impl MeshOptions {
     fn check_of_session(&self) -> Result<(), JobError> {
         if self.unit != Unit::Mm || self.preset.is_some() || self.threshold.is_some() {
             return Err(JobError::Usage(format!(
-                "{}: --unit, --preset and --threshold go with a file (ending .stl, .ply, .inp, .msh or .nrrd); a session \
-                 knows its scale",
-                self.input.display()
+                "{}: --unit, --preset and --threshold go with a file (ending {}); a session knows its scale",
+                self.input.display(),
+                read_endings()
             )));
         }
         Ok(())
@@ -240,8 +237,9 @@ impl MeshOptions {
             &mesh.quality(),
             Vec::new(),
         );
-        let (order, band_mm) = (self.order(), band(&controls));
-        Made { mesh: &mesh, order, band_mm, provenance: &provenance, sheet: &sheet }.write(path)
+        let particulars =
+            Particulars { order: self.order(), band_mm: band(&controls), provenance: &provenance };
+        Made { mesh: &mesh, particulars, sheet: &sheet }.write(path)
     }
 
     /// The files to write, as they are named and where they are: of a known kind, and not the one that is read.

@@ -48,7 +48,15 @@ pub struct HullSettings {
 /// The mesh's controls; what is absent follows from the grain's size. One declaration: the command line, the configuration and
 /// HTTP have these names.
 #[derive(
-    Debug, Clone, Default, PartialEq, Serialize, Deserialize, utoipa::ToSchema, schemars::JsonSchema, clap::Args,
+    Debug,
+    Clone,
+    Default,
+    PartialEq,
+    Serialize,
+    Deserialize,
+    utoipa::ToSchema,
+    schemars::JsonSchema,
+    clap::Args,
 )]
 #[serde(deny_unknown_fields, default)]
 pub struct MeshSettings {

@@ -236,7 +236,11 @@ fn what_cannot_be_compressed_is_refused_with_what_to_do() {
         ),
         (vec!["no.stl"], 1, "no.stl: this is not a usable STL file"),
         (vec!["missing.stl"], 1, "cannot read"),
-        (vec!["odd.csv"], 2, "odd.csv: a body is read from .stl, .inp or .msh; `grainrig mesh` makes one"),
+        (
+            vec!["odd.csv"],
+            2,
+            "odd.csv: a body is read from .inp, .msh, .stl, .ply or .obj; `grainrig mesh` makes one",
+        ),
         (vec![ball, "0.8", "--experiment", "odd.csv"], 1, "Zeit,Weg"),
         (
             vec![ball, "0.8", "--experiment", "sparse.csv"],

@@ -8,6 +8,7 @@ mod elements;
 mod experiments;
 mod grain;
 mod killed;
+mod laws;
 mod plastic;
 mod press;
 #[path = "../support/skip.rs"]

@@ -52,7 +52,7 @@ fn a_resumed_compression_is_the_uninterrupted_one() {
         let before = other.save();
         assert!(matches!(other.restore(&part[..part.len() - 3]), Err(StateError::Damaged(_))));
         assert!(matches!(other.restore(b"grainrig"), Err(StateError::Damaged(_))));
-        let mut soft = new(&mesh, &Material { young_mpa: 1e3, ..material }, 1.0, 0.2).unwrap();
+        let mut soft = new(&mesh, &Material { young_mpa: 1e3, ..material.clone() }, 1.0, 0.2).unwrap();
         assert_eq!(soft.restore(&part), Err(StateError::Other));
         assert!(other.save() == before);
     }

@@ -235,6 +235,8 @@ fn what_cannot_be_compressed_is_refused_with_what_to_do() {
         (json!({ "young_mpa": -1.0 }), "young_mpa"),
         (json!({ "material": "plastic", "yield_mpa": 0.0 }), "yield_mpa"),
         (json!({ "material": "rubber" }), "rubber"),
+        (json!({ "material": "plastic", "parameters": { "pressure_slope": 0.5 } }), "pressure_slope"),
+        (json!({ "material": "drucker_prager", "parameters": { "pressure_slope": -0.5 } }), "pressure_slope"),
         (json!({ "friction": -0.1 }), "friction"),
         (json!({ "to_force_n": 0.0 }), "to_force_n"),
         (json!({ "to_approach_mm": -1.0 }), "to_approach_mm"),

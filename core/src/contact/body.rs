@@ -1,11 +1,12 @@
 //! The finite element model: tetrahedra in the order and the batches in which they are computed, lumped masses.
 
-use super::elastic::{self, Moduli};
-use super::lanes::{Batch, Lane, Node, W};
+use super::lanes::{Batch, Node, W};
+use super::laws::{MaterialLaw, Moduli};
 use super::{ContactError, Material, element, order};
 use crate::mesh::TetMesh;
 use rayon::prelude::*;
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// Tetrahedra of a chunk: its nodes' positions and forces (about 15 kB) stay in a core's nearest cache.
 const CHUNK: usize = 1024;
@@ -33,6 +34,7 @@ pub(super) struct Chunk {
 #[derive(Debug, Clone)]
 pub struct Body {
     pub(super) material: Material,
+    pub(super) law: Arc<dyn MaterialLaw>,
     pub(super) chunks: Vec<Chunk>,
     /// Slots for nodal figures that each chunk has in the common list.
     pub(super) stride: usize,
@@ -71,6 +73,8 @@ impl Body {
 
     /// From a checked mesh.
     pub(super) fn of(mesh: &TetMesh, material: &Material) -> Self {
+        let law = (material.law().of)(material);
+        let (moduli, density) = (law.stiffest(), material.density_t_mm3);
         let element_of = order::elements(mesh);
         let node_of = order::nodes(mesh, &element_of);
         let mut new = vec![0u32; mesh.nodes.len()];
@@ -82,12 +86,12 @@ impl Body {
             element_of.iter().map(|&t| mesh.tets[t as usize].map(|n| new[n as usize])).collect();
         let limits: Vec<f64> = tets
             .par_iter()
-            .map(|t| element::critical_time_step_s(material, &corners(&reference, t)))
+            .map(|t| element::critical_time_step_s(&moduli, density, &corners(&reference, t)))
             .collect();
         let chunks: Vec<Chunk> = tets
             .par_chunks(CHUNK)
             .enumerate()
-            .map(|(i, tets)| chunk(material, &reference, tets, &limits[i * CHUNK..], i * CHUNK))
+            .map(|(i, tets)| chunk(&moduli, density, &reference, tets, &limits[i * CHUNK..], i * CHUNK))
             .collect();
         let stride = chunks.iter().map(|c| c.nodes.len()).max().unwrap_or(0);
         let mut slots_of: Vec<Vec<u32>> = vec![Vec::new(); reference.len()];
@@ -107,9 +111,10 @@ impl Body {
             let quarter = 0.25 * element::tet_volume(&corners(&reference, t));
             t.iter().for_each(|&n| volume[n as usize] += quarter);
         }
-        let mass = volume.iter().map(|v| material.density_t_mm3 * v).collect();
+        let mass = volume.iter().map(|v| density * v).collect();
         Self {
-            material: *material,
+            material: material.clone(),
+            law,
             chunks,
             stride,
             slot_starts,
@@ -218,35 +223,25 @@ impl Body {
         }
     }
 
-    /// The elastic forces on the nodes at these positions, N.
-    pub(super) fn elastic_forces(&self, positions: &[Node], slots: &mut [Node], out: &mut [Node]) {
-        let moduli = Moduli::from(&self.material);
+    /// The forces by which the nodes answer elastically to small displacements from these positions, N; what they bear without
+    /// any may be among them.
+    pub(super) fn response(
+        &self,
+        positions: &[Node],
+        displacements: &[Node],
+        slots: &mut [Node],
+        out: &mut [Node],
+    ) {
         self.chunks.par_iter().zip(slots.par_chunks_mut(self.stride)).for_each_init(
-            Vec::new,
-            |local, (chunk, slots)| {
+            || (Vec::new(), Vec::new()),
+            |(local, moved), (chunk, slots)| {
                 chunk.fetch(positions, local);
+                chunk.fetch(displacements, moved);
                 slots[..chunk.nodes.len()].fill([0.0; 3]);
-                let mut unused: Lane = [0.0; W];
-                for batch in &chunk.batches {
-                    elastic::forces::<false>(&moduli, batch, local, &mut unused, 0.0, slots);
-                }
+                self.law.response(chunk, local, moved, slots);
             },
         );
         out.par_iter_mut().enumerate().with_min_len(1024).for_each(|(n, f)| *f = self.gathered(n, slots));
-    }
-
-    /// The energy stored at these positions where the material is elastic, N·mm.
-    pub(super) fn elastic_energy(&self, positions: &[Node]) -> f64 {
-        let moduli = Moduli::from(&self.material);
-        let parts: Vec<f64> = self
-            .chunks
-            .par_iter()
-            .map_init(Vec::new, |local, chunk| {
-                chunk.fetch(positions, local);
-                chunk.batches.iter().map(|b| elastic::energy(&moduli, b, local)).sum()
-            })
-            .collect();
-        parts.iter().sum()
     }
 
     /// The sum of a node's slots, in the chunks' order.
@@ -280,10 +275,17 @@ fn corners(nodes: &[Node], tet: &[u32; 4]) -> [Node; 4] {
     tet.map(|n| nodes[n as usize])
 }
 
-fn chunk(material: &Material, reference: &[Node], tets: &[[u32; 4]], limits: &[f64], first: usize) -> Chunk {
+fn chunk(
+    moduli: &Moduli,
+    density_t_mm3: f64,
+    reference: &[Node],
+    tets: &[[u32; 4]],
+    limits: &[f64],
+    first: usize,
+) -> Chunk {
     let mut nodes: Vec<u32> = Vec::new();
     let mut local: HashMap<u32, u16> = HashMap::new();
-    let c = material.pressure_wave_mm_s();
+    let c = ((moduli.lambda + 2.0 * moduli.shear) / density_t_mm3).sqrt();
     let batches = tets
         .chunks(W)
         .enumerate()
@@ -307,7 +309,7 @@ fn chunk(material: &Material, reference: &[Node], tets: &[[u32; 4]], limits: &[f
                     batch.volume[l] = element::tet_volume(&p);
                     // The length that a pressure wave crosses in the element's own stable step.
                     let h = c * limits[b * W + l];
-                    batch.viscosity[l] = BULK_VISCOSITY * material.density_t_mm3 * c * h;
+                    batch.viscosity[l] = BULK_VISCOSITY * density_t_mm3 * c * h;
                 }
             }
             batch

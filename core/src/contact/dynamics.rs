@@ -10,9 +10,8 @@
 //! nodes are made over blocks of a fixed size. So the same bits come out on any number of threads.
 
 use super::body::{BLOCK, BULK_VISCOSITY};
-use super::elastic::{self, Moduli};
-use super::lanes::{Lane, Node, W};
-use super::plastic::{self, HalfStep, HistoryVariables, Law};
+use super::lanes::{self, Node, W};
+use super::laws::{ChunkOutput, ChunkState, ChunkStep};
 use super::plates::{Closing, Plates, Reaction};
 use super::rigid::Rigid;
 use super::{Body, ContactError, time_step};
@@ -82,23 +81,6 @@ pub struct Motion {
     pub spin_n_mm_s: [f64; 3],
 }
 
-/// History of a chunk: what its elements carry from step to step.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct ChunkState {
-    /// Volume ratios at the last step.
-    pub volume_ratio: Vec<Lane>,
-    /// History variables of each batch; none for an elastic material.
-    pub history: Vec<HistoryVariables>,
-}
-
-/// The output of a chunk of elements for one step: energies that it took, N·mm, and its first broken element.
-#[derive(Debug, Clone, Copy, Default)]
-struct ChunkOutput {
-    viscous: f64,
-    plastic: f64,
-    broken: Option<(usize, &'static str)>,
-}
-
 /// The output of a block of nodes for one step: the plates' impulses, kinetic energy and damping, N·mm.
 #[derive(Debug, Clone, Copy, Default)]
 struct BlockOutput {
@@ -134,15 +116,11 @@ pub struct Dynamics {
 impl Dynamics {
     /// A body at rest, undeformed.
     pub fn new(body: &Body) -> Self {
-        let plastic = Law::of(&body.material).is_some();
+        let (lanes, nodal) = (body.law.history_lanes(), body.law.nodal_bulk_mpa().is_some());
         let chunks = (body.chunks.iter())
             .map(|c| ChunkState {
                 volume_ratio: vec![[1.0; W]; c.batches.len()],
-                history: if plastic {
-                    vec![HistoryVariables::default(); c.batches.len()]
-                } else {
-                    Vec::new()
-                },
+                history: vec![[0.0; W]; lanes * c.batches.len()],
             })
             .collect();
         Self {
@@ -156,8 +134,8 @@ impl Dynamics {
             spent: Energy::default(),
             forces: vec![[0.0; 3]; body.nodes()],
             slots: body.all_slots([0.0; 3]),
-            volumes: if plastic { body.all_slots(0.0) } else { Vec::new() },
-            pressures: if plastic { vec![0.0; body.nodes()] } else { Vec::new() },
+            volumes: if nodal { body.all_slots(0.0) } else { Vec::new() },
+            pressures: if nodal { vec![0.0; body.nodes()] } else { Vec::new() },
             chunk_outputs: vec![ChunkOutput::default(); body.chunks.len()],
             block_outputs: vec![BlockOutput::default(); body.nodes().div_ceil(BLOCK)],
         }
@@ -204,10 +182,7 @@ impl Dynamics {
         speed_mm_s: [f64; 2],
         step_s: f64,
     ) -> Result<Reaction, ContactError> {
-        match Law::of(&body.material) {
-            None => self.elastic_forces(body),
-            Some(law) => self.plastic_forces(body, &law),
-        }
+        self.element_forces(body);
         let mut viscous = 0.0;
         let mut plastic = 0.0;
         for output in &self.chunk_outputs {
@@ -249,45 +224,15 @@ impl Dynamics {
         Ok(reaction)
     }
 
-    fn elastic_forces(&mut self, body: &Body) {
-        let moduli = Moduli::from(&body.material);
-        let (positions, step_s) = (&self.positions, self.last_step_s);
-        (body.chunks.par_iter())
-            .zip(self.chunks.par_iter_mut())
-            .zip(self.slots.par_chunks_mut(body.stride))
-            .zip(self.chunk_outputs.par_iter_mut())
-            .for_each_init(Vec::new, |local, (((chunk, state), slots), output)| {
-                chunk.fetch(positions, local);
-                slots[..chunk.nodes.len()].fill([0.0; 3]);
-                *output = ChunkOutput::default();
-                for (b, batch) in chunk.batches.iter().enumerate() {
-                    let before = &mut state.volume_ratio[b];
-                    let batch_output = elastic::forces::<true>(&moduli, batch, local, before, step_s, slots);
-                    output.viscous += batch_output.viscous_n_mm;
-                    output.check_volumes(&batch_output.volume_ratio, chunk.first + b * W);
-                }
-            });
-    }
-
-    fn plastic_forces(&mut self, body: &Body, law: &Law) {
+    /// Forces of the elements where the nodes are now, by the material's law.
+    fn element_forces(&mut self, body: &Body) {
+        if let Some(bulk) = body.law.nodal_bulk_mpa() {
+            self.nodal_pressures(body, bulk);
+        }
         let (positions, velocities, step_s) = (&self.positions, &self.velocities, self.last_step_s);
+        let (pressures, remembers) = (&self.pressures, body.law.history_lanes() > 0);
         // Before the first step nothing has moved yet.
         let back_s = if step_s.is_finite() { 0.5 * step_s } else { 0.0 };
-        (body.chunks.par_iter()).zip(self.volumes.par_chunks_mut(body.stride)).for_each_init(
-            Vec::new,
-            |local, (chunk, volumes)| {
-                chunk.fetch(positions, local);
-                volumes[..chunk.nodes.len()].fill(0.0);
-                chunk.batches.iter().for_each(|batch| plastic::volumes(batch, local, volumes));
-            },
-        );
-        let volumes = &self.volumes;
-        self.pressures.par_iter_mut().enumerate().with_min_len(BLOCK).for_each(|(n, pressure)| {
-            let slots = &body.slots[body.slot_starts[n] as usize..body.slot_starts[n + 1] as usize];
-            let ratio = slots.iter().map(|&s| volumes[s as usize]).sum::<f64>() / body.volume[n];
-            *pressure = law.bulk * ratio.ln() / ratio;
-        });
-        let pressures = &self.pressures;
         (body.chunks.par_iter())
             .zip(self.chunks.par_iter_mut())
             .zip(self.slots.par_chunks_mut(body.stride))
@@ -296,26 +241,42 @@ impl Dynamics {
                 || (Vec::new(), Vec::new(), Vec::new()),
                 |(local, half_positions, pressure), (((chunk, state), slots), output)| {
                     chunk.fetch(positions, local);
-                    half_positions.clear();
-                    half_positions.extend(chunk.nodes.iter().map(|&n| {
-                        let (x, v) = (positions[n as usize], velocities[n as usize]);
-                        [0, 1, 2].map(|k| x[k] - back_s * v[k])
-                    }));
-                    pressure.clear();
-                    pressure.extend(chunk.nodes.iter().map(|&n| pressures[n as usize]));
-                    slots[..chunk.nodes.len()].fill([0.0; 3]);
-                    *output = ChunkOutput::default();
-                    let half_step = HalfStep { positions: half_positions, step_s };
-                    for (b, batch) in chunk.batches.iter().enumerate() {
-                        let (before, history) = (&mut state.volume_ratio[b], &mut state.history[b]);
-                        let (batch_output, flowed) =
-                            plastic::forces(law, batch, local, &half_step, pressure, before, history, slots);
-                        output.viscous += batch_output.viscous_n_mm;
-                        output.plastic += flowed;
-                        output.check_volumes(&batch_output.volume_ratio, chunk.first + b * W);
+                    if remembers {
+                        half_positions.clear();
+                        half_positions.extend(chunk.nodes.iter().map(|&n| {
+                            let (x, v) = (positions[n as usize], velocities[n as usize]);
+                            [0, 1, 2].map(|k| x[k] - back_s * v[k])
+                        }));
                     }
+                    if !pressures.is_empty() {
+                        pressure.clear();
+                        pressure.extend(chunk.nodes.iter().map(|&n| pressures[n as usize]));
+                    }
+                    slots[..chunk.nodes.len()].fill([0.0; 3]);
+                    let at =
+                        ChunkStep { chunk, positions: local, half_positions, pressures: pressure, step_s };
+                    *output = body.law.step(&at, state, slots);
                 },
             );
+    }
+
+    /// The pressure κ ln J/J of each node, J being the volume around it over that in the mesh.
+    fn nodal_pressures(&mut self, body: &Body, bulk_mpa: f64) {
+        let positions = &self.positions;
+        (body.chunks.par_iter()).zip(self.volumes.par_chunks_mut(body.stride)).for_each_init(
+            Vec::new,
+            |local, (chunk, volumes)| {
+                chunk.fetch(positions, local);
+                volumes[..chunk.nodes.len()].fill(0.0);
+                chunk.batches.iter().for_each(|batch| lanes::volumes(batch, local, volumes));
+            },
+        );
+        let volumes = &self.volumes;
+        self.pressures.par_iter_mut().enumerate().with_min_len(BLOCK).for_each(|(n, pressure)| {
+            let slots = &body.slots[body.slot_starts[n] as usize..body.slot_starts[n + 1] as usize];
+            let ratio = slots.iter().map(|&s| volumes[s as usize]).sum::<f64>() / body.volume[n];
+            *pressure = bulk_mpa * ratio.ln() / ratio;
+        });
     }
 
     fn advance(&mut self, body: &Body, closing: &Closing) {
@@ -352,29 +313,25 @@ impl Dynamics {
 
     /// The energies now. Costs about as much as a step.
     pub fn energy(&self, body: &Body) -> Energy {
-        let stored = match Law::of(&body.material) {
-            None => body.elastic_energy(&self.positions),
-            Some(law) => {
-                let deviatoric: Vec<f64> = (body.chunks.par_iter())
-                    .zip(&self.chunks)
-                    .map(|(chunk, state)| {
-                        (chunk.batches.iter().zip(&state.history).zip(&state.volume_ratio))
-                            .map(|((b, m), j)| plastic::energy(&law, b, m, j))
-                            .sum()
-                    })
-                    .collect();
-                let spherical: f64 = (0..body.nodes())
-                    .map(|n| {
-                        let slots =
-                            &body.slots[body.slot_starts[n] as usize..body.slot_starts[n + 1] as usize];
-                        let volume: f64 = slots.iter().map(|&s| self.volumes[s as usize]).sum();
-                        let ratio = if self.steps == 0 { 1.0 } else { volume / body.volume[n] };
-                        0.5 * law.bulk * body.volume[n] * ratio.ln().powi(2)
-                    })
-                    .sum();
-                deviatoric.iter().sum::<f64>() + spherical
-            }
-        };
+        let parts: Vec<f64> = (body.chunks.par_iter())
+            .zip(&self.chunks)
+            .map_init(Vec::new, |local, (chunk, state)| {
+                chunk.fetch(&self.positions, local);
+                body.law.stored_n_mm(chunk, local, state)
+            })
+            .collect();
+        let mut stored = parts.iter().sum::<f64>();
+        if let Some(bulk) = body.law.nodal_bulk_mpa() {
+            let spherical: f64 = (0..body.nodes())
+                .map(|n| {
+                    let slots = &body.slots[body.slot_starts[n] as usize..body.slot_starts[n + 1] as usize];
+                    let volume: f64 = slots.iter().map(|&s| self.volumes[s as usize]).sum();
+                    let ratio = if self.steps == 0 { 1.0 } else { volume / body.volume[n] };
+                    0.5 * bulk * body.volume[n] * ratio.ln().powi(2)
+                })
+                .sum();
+            stored += spherical;
+        }
         Energy { stored, ..self.spent }
     }
 
@@ -401,19 +358,5 @@ impl Dynamics {
         }
         motion.center_mm = motion.center_mm.map(|c| c / total);
         motion
-    }
-}
-
-impl ChunkOutput {
-    /// Notes the first element whose volume is not positive.
-    #[inline]
-    fn check_volumes(&mut self, volume_ratio: &Lane, first: usize) {
-        if volume_ratio.iter().all(|j| *j > 0.0 && *j < f64::INFINITY) || self.broken.is_some() {
-            return;
-        }
-        if let Some(l) = volume_ratio.iter().position(|j| !(*j > 0.0 && *j < f64::INFINITY)) {
-            let what = if volume_ratio[l] <= 0.0 { "is inside out" } else { "is no number" };
-            self.broken = Some((first + l, what));
-        }
     }
 }

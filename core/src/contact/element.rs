@@ -1,7 +1,7 @@
 //! One four-node tetrahedron by itself: its volume, the gradients of its shape functions, its critical time step.
 
-use super::Material;
 use super::lanes::{Node, cofactors};
+use super::laws::Moduli;
 use nalgebra::{Matrix3, Matrix6};
 
 /// Squarings of a matrix A: the trace of A²⁵⁶ bounds its largest eigenvalue to 6^(1/256), 0.7 %, from above.
@@ -37,7 +37,7 @@ pub(super) fn shape_gradients(p: &[Node; 4]) -> [f64; 9] {
 ///
 /// The nodal forces `−V σ ∇N_a` on masses ρV/4 make the strain rate (4/ρ) sym(σ G), which C answers with stress. The trace of
 /// the map's 256th power bounds its greatest eigenvalue.
-pub(super) fn critical_time_step_s(material: &Material, p: &[Node; 4]) -> f64 {
+pub(super) fn critical_time_step_s(moduli: &Moduli, density_t_mm3: f64, p: &[Node; 4]) -> f64 {
     let b = shape_gradients(p);
     let mut g = Matrix3::zeros();
     let mut first = nalgebra::Vector3::zeros();
@@ -62,8 +62,7 @@ pub(super) fn critical_time_step_s(material: &Material, p: &[Node; 4]) -> f64 {
     let mut a = Matrix6::zeros();
     for (column, sigma) in basis.iter().enumerate() {
         let strain = 0.5 * (sigma * g + g * sigma);
-        let stress = 2.0 * material.shear_mpa() * strain
-            + Matrix3::identity() * (material.lambda_mpa() * strain.trace());
+        let stress = 2.0 * moduli.shear * strain + Matrix3::identity() * (moduli.lambda * strain.trace());
         for (row, e) in basis.iter().enumerate() {
             a[(row, column)] = e.dot(&stress);
         }
@@ -77,5 +76,5 @@ pub(super) fn critical_time_step_s(material: &Material, p: &[Node; 4]) -> f64 {
     }
     let largest = (log + a.trace().ln() / f64::from(1u32 << SQUARINGS)).exp();
     debug_assert!(tet_volume(p) > 0.0);
-    2.0 / (4.0 / material.density_t_mm3 * largest).sqrt()
+    2.0 / (4.0 / density_t_mm3 * largest).sqrt()
 }

@@ -22,6 +22,16 @@ pub enum ContactError {
         /// What to do.
         remedy: &'static str,
     },
+    /// A parameter that the material's law does not take.
+    #[error("{name}: the material {law} takes no such parameter; of its own it takes {known}")]
+    Parameter {
+        /// What was given.
+        name: String,
+        /// The law.
+        law: &'static str,
+        /// What it takes.
+        known: String,
+    },
     /// The mesh cannot be computed with.
     #[error("the mesh cannot be compressed: {0}; mesh the body again, or repair the file's elements")]
     Mesh(#[from] TetFault),

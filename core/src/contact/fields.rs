@@ -1,8 +1,6 @@
 //! Element fields: Cauchy stress (MPa), von Mises' and principal stress, equivalent plastic strain.
 
-use super::elastic::{self, Moduli};
-use super::lanes::{W, edges, gradients, pick, rotations, times, times_transposed};
-use super::plastic::Law;
+use super::lanes::{W, edges, gradients, pick, rotations};
 use super::{Body, Dynamics};
 use nalgebra::{Matrix3, SymmetricEigen};
 use rayon::prelude::*;
@@ -47,8 +45,8 @@ impl Dynamics {
 }
 
 fn fields(body: &Body, dynamics: &Dynamics) -> Fields {
-    let moduli = Moduli::from(&body.material);
-    let law = Law::of(&body.material);
+    let law = &body.law;
+    let lanes = law.history_lanes();
     let parts: Vec<Vec<([f64; 6], f64)>> = (body.chunks.par_iter())
         .zip(&dynamics.chunks)
         .map_init(Vec::new, |local, (chunk, state)| {
@@ -58,23 +56,14 @@ fn fields(body: &Body, dynamics: &Dynamics) -> Fields {
                 let f = gradients(batch, &edges(batch, local));
                 let (r, _, _) = rotations(&f);
                 for l in 0..W.min(chunk.count - b * W) {
-                    let (fm, rm) = (pick(&f, l), pick(&r, l));
-                    let mut strain = 0.0;
-                    let s = if law.is_some() {
-                        let history = &state.history[b];
-                        strain = history.strain[l];
-                        let s = history.deviator.map(|s| s[l]);
-                        let own = [s[0], s[5], s[4], s[5], s[1], s[3], s[4], s[3], s[2]];
-                        let mut turned = times_transposed(&times(&rm, &own), &rm);
-                        let node = |k: usize| chunk.nodes[batch.nodes[k][l] as usize] as usize;
-                        let pressure = (0..4).map(|k| dynamics.pressures[node(k)]).sum::<f64>() / 4.0;
-                        for k in [0, 4, 8] {
-                            turned[k] += pressure;
-                        }
-                        turned
-                    } else {
-                        elastic::cauchy(&moduli, &fm)
+                    let node = |k: usize| chunk.nodes[batch.nodes[k][l] as usize] as usize;
+                    let pressure = match law.nodal_bulk_mpa() {
+                        Some(_) => (0..4).map(|k| dynamics.pressures[node(k)]).sum::<f64>() / 4.0,
+                        None => 0.0,
                     };
+                    let history = &state.history[lanes * b..lanes * (b + 1)];
+                    let s = law.cauchy_mpa(&pick(&f, l), &pick(&r, l), pressure, history, l);
+                    let strain = law.plastic_strain(history, l);
                     out.push(([s[0], s[4], s[8], s[5], s[2], s[1]], strain));
                 }
             }

@@ -184,3 +184,18 @@ pub(super) fn scatter(batch: &Batch, stress: &Matrices, forces: &mut [Node]) {
         }
     }
 }
+
+/// Adds a quarter of each element's volume to its nodes.
+#[inline(always)]
+pub(super) fn volumes(batch: &Batch, positions: &[Node], out: &mut [f64]) {
+    let f = gradients(batch, &edges(batch, positions));
+    let mut quarter = [0.0; W];
+    for l in 0..W {
+        quarter[l] = 0.25 * batch.volume[l] * cofactors(&pick(&f, l)).1;
+    }
+    for l in 0..W {
+        for k in 0..4 {
+            out[batch.nodes[k][l] as usize] += quarter[l];
+        }
+    }
+}

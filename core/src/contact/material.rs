@@ -1,14 +1,17 @@
-//! Material parameters: isotropic elasticity, von Mises plasticity with linear hardening.
+//! Material parameters: isotropic elasticity, a yield stress with linear hardening, and what a law takes of its own.
 
-use super::ContactError;
+use super::laws::{LAWS, Law};
+use super::{ContactError, Program};
+use crate::plausible::{self, Doubt};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Above this Poisson's ratio a four-node tetrahedron with a pressure of its own locks, and the time step goes to
 /// zero with the bulk wave.
 const MOST_POISSON: f64 = 0.495;
 
-/// An isotropic material: elastic, or elastic and then plastic by von Mises' criterion.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+/// An isotropic material, and the law by which it answers.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Material {
     /// Young's modulus E, MPa.
@@ -21,16 +24,74 @@ pub struct Material {
     pub yield_mpa: Option<f64>,
     /// Slope of the yield stress against the equivalent plastic strain, MPa; 0 is perfect plasticity.
     pub hardening_mpa: f64,
+    /// The law; none for the first of [`LAWS`] that fits, elastic or von Mises' by whether there is a yield stress.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub law: Option<&'static Law>,
+    /// Parameters of the law's own, by name; one that is left out has its usual value.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub parameters: BTreeMap<String, f64>,
 }
 
 impl Default for Material {
     /// The elastic grain of Nadimi and Fonseca (2017): E = 100 GPa, ν = 0.22, and quartz' density.
     fn default() -> Self {
-        Self { young_mpa: 100e3, poisson: 0.22, density_t_mm3: 2.65e-9, yield_mpa: None, hardening_mpa: 0.0 }
+        Self {
+            young_mpa: 100e3,
+            poisson: 0.22,
+            density_t_mm3: 2.65e-9,
+            yield_mpa: None,
+            hardening_mpa: 0.0,
+            law: None,
+            parameters: BTreeMap::new(),
+        }
     }
 }
 
 impl Material {
+    /// The law by which it answers.
+    pub fn law(&self) -> &'static Law {
+        self.law.unwrap_or_else(|| self.usual_law())
+    }
+
+    fn usual_law(&self) -> &'static Law {
+        LAWS.into_iter().find(|law| law.yields == self.yield_mpa.is_some()).unwrap_or(LAWS[0])
+    }
+
+    /// The same by another law, with this yield stress where it takes one.
+    #[must_use]
+    pub fn by(mut self, law: &'static Law, yield_mpa: f64) -> Self {
+        self.yield_mpa = law.yields.then_some(yield_mpa);
+        self.law = Some(law).filter(|law| *law != self.usual_law());
+        self
+    }
+
+    /// A parameter of the law's own: as given, or the usual one.
+    pub fn parameter(&self, name: &str) -> f64 {
+        let usual = || self.law().parameters.iter().find(|p| p.quantity.name == name).map(|p| p.usual);
+        self.parameters.get(name).copied().or_else(usual).unwrap_or(f64::NAN)
+    }
+
+    /// The lines of a deck's material that say how it answers; none where the program has no such law.
+    pub fn deck(&self, program: Program) -> Option<String> {
+        (self.law().of)(self).deck(program)
+    }
+
+    /// What of its figures no laboratory has.
+    pub fn doubts(&self) -> Vec<Doubt> {
+        let own = self.law().parameters.iter();
+        [
+            plausible::YOUNG.doubt(self.young_mpa),
+            plausible::POISSON.doubt(self.poisson),
+            plausible::DENSITY.doubt(self.density_t_mm3),
+            self.yield_mpa.and_then(|y| plausible::YIELD.doubt(y)),
+            plausible::HARDENING.doubt(self.hardening_mpa).filter(|_| self.law().yields),
+        ]
+        .into_iter()
+        .chain(own.map(|p| p.quantity.doubt(*self.parameters.get(p.quantity.name)?)))
+        .flatten()
+        .collect()
+    }
+
     /// Lamé's first parameter λ, MPa.
     pub fn lambda_mpa(&self) -> f64 {
         self.young_mpa * self.poisson / ((1.0 + self.poisson) * (1.0 - 2.0 * self.poisson))
@@ -65,7 +126,8 @@ impl Material {
     ///
     /// # Errors
     /// [`ContactError::Setting`] for a modulus, density or yield stress that is not positive and finite, a Poisson's ratio
-    /// outside (−1, 0.495), hardening that is negative.
+    /// outside (−1, 0.495), hardening that is negative, a parameter outside its law's limits; [`ContactError::Parameter`] for one
+    /// that its law does not take.
     pub fn check(&self) -> Result<(), ContactError> {
         let positive = |x: f64| x.is_finite() && x > 0.0;
         let bad = |name, value, unit, limit, remedy| {
@@ -104,7 +166,7 @@ impl Material {
             let remedy = "0 is perfect plasticity";
             return bad("hardening_mpa", self.hardening_mpa, "MPa", "not negative, and finite", remedy);
         }
-        Ok(())
+        self.law().check(self)
     }
 }
 
@@ -125,13 +187,13 @@ mod tests {
         let good = Material::default();
         assert_eq!(good.check(), Ok(()));
         for (bad, name) in [
-            (Material { poisson: 0.5, ..good }, "poisson"),
-            (Material { poisson: f64::NAN, ..good }, "poisson"),
-            (Material { yield_mpa: Some(0.0), ..good }, "yield_mpa"),
-            (Material { yield_mpa: Some(-1.0), ..good }, "yield_mpa"),
-            (Material { density_t_mm3: 2650.0, ..good }, "density_t_mm3"),
-            (Material { young_mpa: -1.0, ..good }, "young_mpa"),
-            (Material { hardening_mpa: -1.0, ..good }, "hardening_mpa"),
+            (Material { poisson: 0.5, ..good.clone() }, "poisson"),
+            (Material { poisson: f64::NAN, ..good.clone() }, "poisson"),
+            (Material { yield_mpa: Some(0.0), ..good.clone() }, "yield_mpa"),
+            (Material { yield_mpa: Some(-1.0), ..good.clone() }, "yield_mpa"),
+            (Material { density_t_mm3: 2650.0, ..good.clone() }, "density_t_mm3"),
+            (Material { young_mpa: -1.0, ..good.clone() }, "young_mpa"),
+            (Material { hardening_mpa: -1.0, ..good.clone() }, "hardening_mpa"),
         ] {
             let text = bad.check().unwrap_err().to_string();
             assert!(text.starts_with(name), "{text}");

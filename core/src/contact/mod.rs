@@ -2,30 +2,29 @@
 //!
 //! Units are those of Abaqus decks: mm, N, MPa, tonne, s. The plates are level; z is up.
 //!
-//! - [`Material`], and closed forms for spheres to hold results against ([`hertz`]).
+//! - [`Material`] and the table of its [`LAWS`], and closed forms for spheres to hold results against ([`hertz`]).
 //! - [`Body`]: the mesh in the order and the batches in which it is computed, its masses, its internal forces.
 //! - [`time_step`]: the largest time step that central differences bear.
 //! - [`Dynamics`]: the step itself, with plates, friction and damping, and every term of the energy balance.
 //!
-//! Laws and their equations stand beside the code: `elastic.rs`, `plastic.rs`, `element.rs` (critical time step), `plates.rs`
+//! Equations stand beside the code: a material law each in `laws/`, `element.rs` (critical time step), `plates.rs`
 //! (contact and Coulomb's friction), [`hertz`], [`Energy`].
 
-// The kernels of lanes.rs, elastic.rs and plastic.rs must be one straight piece of code for the compiler to work on several
+// The kernels of lanes.rs and laws/ must be one straight piece of code for the compiler to work on several
 // elements at once, and their loops run over the same index of several arrays.
 #![allow(clippy::inline_always, clippy::needless_range_loop)]
 
 mod body;
 mod dynamics;
-mod elastic;
 mod element;
 mod error;
 pub mod experiment;
 mod fields;
 pub mod hertz;
 mod lanes;
+mod laws;
 mod material;
 mod order;
-mod plastic;
 mod plates;
 mod press;
 mod readoff;
@@ -40,6 +39,7 @@ pub use body::Body;
 pub use dynamics::{Dynamics, Energy, Motion};
 pub use error::ContactError;
 pub use fields::Fields;
+pub use laws::{LAWS, Law, Parameter, Program};
 pub use material::Material;
 pub use plates::{Plates, Reaction};
 pub use press::{Loading, Press, Sample};

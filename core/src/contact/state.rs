@@ -7,9 +7,8 @@
 //! Numbers are 64-bit, little endian. What follows from the mesh and the settings is not kept: the same mesh and settings make
 //! the press, then its state is put in.
 
-use super::dynamics::ChunkState;
 use super::lanes::{Node, W};
-use super::plastic::HistoryVariables;
+use super::laws::ChunkState;
 use super::press::{AveragingWindow, Press, Sample};
 use super::touch::Tracker;
 use super::{Energy, Plates};
@@ -70,9 +69,7 @@ impl Press {
         d.positions.iter().chain(&d.velocities).flatten().for_each(|x| put(*x));
         for chunk in &d.chunks {
             chunk.volume_ratio.iter().flatten().for_each(|x| put(*x));
-            for m in &chunk.history {
-                m.deviator.iter().flatten().chain(&m.strain).for_each(|x| put(*x));
-            }
+            chunk.history.iter().flatten().for_each(|x| put(*x));
         }
         out
     }
@@ -98,7 +95,7 @@ impl Press {
         let d = &self.dynamics;
         let batches: usize = d.chunks.iter().map(|c| c.volume_ratio.len()).sum();
         let histories: usize = d.chunks.iter().map(|c| c.history.len()).sum();
-        let expected = 6 * d.positions.len() + W * (batches + 7 * histories);
+        let expected = 6 * d.positions.len() + W * (batches + histories);
         if rest.len() != 8 * expected {
             return Err(damaged("its length is not that of this mesh"));
         }
@@ -123,9 +120,7 @@ impl Press {
         d.velocities = (0..d.velocities.len()).map(&mut node).collect();
         for ChunkState { volume_ratio, history } in &mut d.chunks {
             volume_ratio.iter_mut().flatten().for_each(|x| *x = next());
-            for HistoryVariables { deviator, strain } in history {
-                deviator.iter_mut().flatten().chain(strain).for_each(|x| *x = next());
-            }
+            history.iter_mut().flatten().for_each(|x| *x = next());
         }
         d.steps = header.steps;
         d.time_s = header.time_s;
@@ -142,10 +137,12 @@ impl Press {
 
     /// A number that another mesh or material hardly has (FNV-1a).
     fn fingerprint(&self) -> u64 {
-        let m = self.body.material;
+        let m = &self.body.material;
         let of_material =
             [m.young_mpa, m.poisson, m.density_t_mm3, m.yield_mpa.unwrap_or(0.0), m.hardening_mpa];
-        let numbers = self.body.reference.iter().flatten().chain(&of_material).chain(&self.body.mass);
+        let own = m.parameters.values();
+        let numbers =
+            self.body.reference.iter().flatten().chain(&of_material).chain(own).chain(&self.body.mass);
         numbers.fold(0xcbf2_9ce4_8422_2325, |hash, x| (hash ^ x.to_bits()).wrapping_mul(0x0100_0000_01b3))
     }
 }

@@ -5,7 +5,6 @@
 
 use super::Body;
 use super::lanes::Node;
-use super::plastic::{self, Law};
 use rayon::prelude::*;
 
 /// Lanczos' iteration ends where this many steps changed the eigenvalue by less than a thousandth.
@@ -65,54 +64,26 @@ pub(super) fn critical_time_step_s(body: &Body, positions: &[Node]) -> f64 {
 struct Stiffness<'a> {
     body: &'a Body,
     positions: &'a [Node],
-    law: Option<Law>,
     slots: Vec<Node>,
     undisturbed: Vec<Node>,
-    moved: Vec<Node>,
     out: Vec<Node>,
 }
 
 impl<'a> Stiffness<'a> {
     fn new(body: &'a Body, positions: &'a [Node]) -> Self {
         let mut slots = body.all_slots([0.0; 3]);
-        let mut undisturbed = vec![[0.0; 3]; body.nodes()];
-        let law = Law::of(&body.material);
-        if law.is_none() {
-            body.elastic_forces(positions, &mut slots, &mut undisturbed);
-        }
-        let (moved, out) = (undisturbed.clone(), undisturbed.clone());
-        Self { body, positions, law, slots, undisturbed, moved, out }
+        let none = vec![[0.0; 3]; body.nodes()];
+        let mut undisturbed = none.clone();
+        body.response(positions, &none, &mut slots, &mut undisturbed);
+        Self { body, positions, slots, undisturbed, out: none }
     }
 
     /// The forces that small displacements add.
     fn times(&mut self, displacements: &[Node]) -> &[Node] {
-        let (body, positions) = (self.body, self.positions);
-        if let Some(law) = self.law {
-            (body.chunks.par_iter()).zip(self.slots.par_chunks_mut(body.stride)).for_each_init(
-                || (Vec::new(), Vec::new()),
-                |(local, moved), (chunk, slots)| {
-                    chunk.fetch(positions, local);
-                    chunk.fetch(displacements, moved);
-                    slots[..chunk.nodes.len()].fill([0.0; 3]);
-                    chunk
-                        .batches
-                        .iter()
-                        .for_each(|b| plastic::elastic_response(&law, b, local, moved, slots));
-                },
-            );
-            let slots = &self.slots;
-            self.out.par_iter_mut().enumerate().for_each(|(n, f)| *f = body.gathered(n, slots));
-            return &self.out;
-        }
-        for n in 0..self.moved.len() {
+        self.body.response(self.positions, displacements, &mut self.slots, &mut self.out);
+        for (f, before) in self.out.iter_mut().zip(&self.undisturbed) {
             for k in 0..3 {
-                self.moved[n][k] = positions[n][k] + displacements[n][k];
-            }
-        }
-        body.elastic_forces(&self.moved, &mut self.slots, &mut self.out);
-        for n in 0..self.out.len() {
-            for k in 0..3 {
-                self.out[n][k] -= self.undisturbed[n][k];
+                f[k] -= before[k];
             }
         }
         &self.out

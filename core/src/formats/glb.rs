@@ -1,9 +1,18 @@
 //! glTF 2.0 in one binary file (`.glb`): the surface, for viewers and slides.
 
-use super::ExportError;
+use super::{ExportError, Format, Writes};
 use crate::geometry::TriangleMesh;
 use serde_json::json;
 use std::io::Write;
+
+/// The format in the table.
+pub(super) static FORMAT: Format = Format {
+    name: "glTF",
+    endings: &["glb"],
+    media_type: "model/gltf-binary",
+    reads: None,
+    writes: Some(Writes::Surface(|surface, provenance, out| write(surface, provenance, out))),
+};
 
 const MAGIC: &[u8; 4] = b"glTF";
 const VERSION: u32 = 2;

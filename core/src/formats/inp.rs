@@ -13,13 +13,22 @@
 //! | `TOP_SURFACE`, `BOTTOM_SURFACE` | surfaces: outer faces with at least one corner in the set |
 //! | `TOP_ELEMENTS`, `BOTTOM_ELEMENTS` | element sets: the elements of these faces |
 
-use super::{ExportError, resolution};
+use super::{ExportError, Format, Reads, Writes, inp_read, resolution};
 use crate::mesh::{SecondOrder, Surface, TetMesh};
 use std::fmt::Display;
 use std::io::Write;
 
 /// The longest line, in characters: Abaqus takes 256, `CalculiX` 132, older pre-processors 80.
 const LINE: usize = 80;
+
+/// The format in the table.
+pub(super) static FORMAT: Format = Format {
+    name: "Abaqus",
+    endings: &["inp"],
+    media_type: "text/plain; charset=utf-8",
+    reads: Some(Reads::Volume(inp_read::read)),
+    writes: Some(Writes::Volume(|mesh, p, out| write_order(mesh, p.order, p.provenance, p.band_mm, out))),
+};
 
 /// Nodes of an element.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

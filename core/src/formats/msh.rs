@@ -1,11 +1,21 @@
 //! Gmsh's mesh format 4.1 (`.msh`), as text: written with tetrahedra and surface triangles, read for its tetrahedra.
 
-use super::{ExportError, resolution};
+use super::inp::Order;
+use super::{ExportError, Format, Reads, Writes, resolution};
 use crate::geometry::Point;
 use crate::mesh::{SecondOrder, TetMesh};
 use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::io::Write;
+
+/// The format in the table.
+pub(super) static FORMAT: Format = Format {
+    name: "Gmsh",
+    endings: &["msh"],
+    media_type: "text/plain; charset=utf-8",
+    reads: Some(Reads::Volume(read)),
+    writes: Some(Writes::Volume(|mesh, p, out| write(mesh, p.order == Order::Second, p.provenance, out))),
+};
 
 /// Gmsh's numbers for a triangle of three and six nodes, and a tetrahedron of four and ten.
 const TRIANGLES: [u32; 2] = [2, 9];

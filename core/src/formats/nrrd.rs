@@ -3,9 +3,18 @@
 //!
 //! Read are three dimensions of numbers, raw or gzip, in one file, with cubic voxels whose axes are x, y and z.
 
-use super::ExportError;
 use super::numbers::Kind;
+use super::{ExportError, Format, Reads};
 use std::io::Read as _;
+
+/// The format in the table.
+pub(super) static FORMAT: Format = Format {
+    name: "NRRD",
+    endings: &["nrrd"],
+    media_type: "application/octet-stream",
+    reads: Some(Reads::Voxels(read)),
+    writes: None,
+};
 
 /// The most voxels that are read: what is made of them takes some 9 bytes each, beside the file's own.
 const MOST_VOXELS: usize = 400_000_000;

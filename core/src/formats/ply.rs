@@ -1,9 +1,18 @@
 //! PLY (Stanford's polygon format): surfaces written in binary, read in binary or text.
 
 use super::numbers::Kind;
-use super::{ExportError, resolution};
+use super::{ExportError, Format, Reads, Writes, resolution};
 use crate::geometry::{Point, TriangleMesh};
 use std::io::Write;
+
+/// The format in the table.
+pub(super) static FORMAT: Format = Format {
+    name: "PLY",
+    endings: &["ply"],
+    media_type: "application/octet-stream",
+    reads: Some(Reads::Surface(read)),
+    writes: Some(Writes::Surface(|surface, provenance, out| write(surface, provenance, out))),
+};
 
 /// Writes binary little-endian PLY with coordinates in double precision, mm; `provenance` as comments.
 ///

@@ -1,7 +1,7 @@
 //! A grain between two rigid plates as a whole deck: for Abaqus/Explicit, and for `CalculiX` as a static analysis that runs.
 
 use super::{ExportError, inp};
-use crate::contact::Material;
+use crate::contact::{Material, Program};
 use crate::mesh::TetMesh;
 use std::io::Write;
 
@@ -60,18 +60,20 @@ impl Deck<'_> {
         ]
     }
 
-    /// `damped`: with the damping of the explicit computation.
-    fn materials(&self, damped: bool, out: &mut impl Write) -> std::io::Result<()> {
+    /// For Abaqus with the damping of the explicit computation.
+    fn materials(&self, program: Program, out: &mut impl Write) -> Result<(), ExportError> {
         let m = self.material;
+        let answers = m.deck(program).ok_or_else(|| ExportError::Unfit {
+            format: "a deck",
+            what: format!("{program:?} has no material law like {}", m.law().name),
+        })?;
         writeln!(out, "*MATERIAL, NAME=GRAIN_MATERIAL\n*DENSITY\n{:e}", m.density_t_mm3)?;
-        writeln!(out, "*ELASTIC\n{}, {}", m.young_mpa, m.poisson)?;
-        if let Some(y) = m.yield_mpa {
-            writeln!(out, "*PLASTIC\n{y}, 0.\n{}, 1.", y + m.hardening_mpa)?;
-        }
-        if damped && self.damping_per_s > 0.0 {
+        write!(out, "{answers}")?;
+        if program == Program::Abaqus && self.damping_per_s > 0.0 {
             writeln!(out, "*DAMPING, ALPHA={:.6e}", self.damping_per_s)?;
         }
-        writeln!(out, "*SOLID SECTION, ELSET=GRAIN, MATERIAL=GRAIN_MATERIAL")
+        writeln!(out, "*SOLID SECTION, ELSET=GRAIN, MATERIAL=GRAIN_MATERIAL")?;
+        Ok(())
     }
 
     /// The corners of a plate, seen from above counter-clockwise from (−, −), at a height.
@@ -111,7 +113,7 @@ impl Deck<'_> {
             writeln!(out, "*RIGID BODY, ELSET={name}_PLATE, REF NODE={}", at + 4)?;
             writeln!(out, "*SURFACE, NAME={name}_FACE\n{name}_PLATE, SPOS")?;
         }
-        self.materials(true, &mut out)?;
+        self.materials(Program::Abaqus, &mut out)?;
         writeln!(out, "*SURFACE INTERACTION, NAME=HARD\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD")?;
         if self.friction > 0.0 {
             writeln!(out, "*FRICTION\n{}", self.friction)?;
@@ -185,7 +187,7 @@ impl Deck<'_> {
             )?;
         }
         self.springs(&mut out, element + 2)?;
-        self.materials(false, &mut out)?;
+        self.materials(Program::Calculix, &mut out)?;
         writeln!(out, "*MATERIAL, NAME=PLATE_MATERIAL\n*ELASTIC\n{}, 0.", self.material.young_mpa)?;
         for name in ["LOWER", "UPPER"] {
             writeln!(out, "*SOLID SECTION, ELSET={name}_PLATE, MATERIAL=PLATE_MATERIAL")?;

@@ -1,9 +1,21 @@
 //! STL: triangles without shared vertices, in binary or text.
 
-use super::{ExportError, resolution};
+use super::{ExportError, Format, Reads, Writes, resolution};
 use crate::geometry::{Point, TriangleMesh};
 use std::collections::HashMap;
 use std::io::{Cursor, Write};
+
+/// The format in the table. The header has room for a part of the hash of what it was made from.
+pub(super) static FORMAT: Format = Format {
+    name: "STL",
+    endings: &["stl"],
+    media_type: "model/stl",
+    reads: Some(Reads::Surface(read)),
+    writes: Some(Writes::Surface(|surface, provenance, out| {
+        let hash = provenance.iter().find_map(|line| line.strip_prefix("sha256 of the input "));
+        write_from(surface, &hash.map_or(String::new(), |h| format!("from sha256 {h:.24}")), out)
+    })),
+};
 
 /// Bytes before the first triangle in binary STL.
 pub const HEADER: usize = 84;

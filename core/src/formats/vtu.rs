@@ -1,10 +1,23 @@
 //! VTK's XML unstructured grid (`.vtu`): the tetrahedra and figures on their nodes and cells, for `ParaView`.
 
-use super::ExportError;
+use super::inp::Order;
+use super::{ExportError, Format, Writes};
 use crate::geometry::Point;
 use crate::mesh::{SecondOrder, TetMesh};
 use base64::{Engine as _, engine::general_purpose::STANDARD as BASE64};
 use std::io::Write;
+
+/// The format in the table.
+pub(super) static FORMAT: Format = Format {
+    name: "ParaView",
+    endings: &["vtu"],
+    media_type: "application/xml",
+    reads: None,
+    writes: Some(Writes::Volume(|mesh, p, out| match p.order {
+        Order::First => write_plain(mesh, p.provenance, out),
+        Order::Second => write_second(&mesh.second_order(), p.provenance, out),
+    })),
+};
 
 /// VTK's number for a tetrahedron of four nodes, which numbers them as [`TetMesh`] does.
 const VTK_TETRA: u8 = 10;

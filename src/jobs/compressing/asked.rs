@@ -1,27 +1,40 @@
 //! What is asked of a compression, and the folder that is claimed for it.
 
 use super::body;
+use super::laws::{self, Parameters};
 use super::{CompressInput, CompressSettings, Compression, JobError, MESH, Placing, RESULT, RUN, TEXT_LIMIT};
 use crate::session::{Held, LOCK, hold, read_inside, write_whole};
-use grainrig_core::contact::{ContactError, Loading, Material, Plates, SETTLED};
+use grainrig_core::contact::{ContactError, LAWS, Law, Loading, Material, Plates, SETTLED};
 use grainrig_core::plausible::{self, Doubt};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
+use utoipa::openapi::{ObjectBuilder, RefOr, Schema, schema::Type};
 
 const ASKED: &str = "asked.json";
 
-/// How a grain answers.
-#[derive(
-    Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema, clap::ValueEnum,
-)]
-#[serde(rename_all = "snake_case")]
-pub enum CompressMaterial {
-    /// Elastic.
-    #[default]
-    Elastic,
-    /// Elastic, then perfectly plastic.
-    Plastic,
+/// How a grain answers: a law by its name.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct CompressMaterial(pub &'static Law);
+
+impl Default for CompressMaterial {
+    fn default() -> Self {
+        Self(LAWS[0])
+    }
 }
+
+impl utoipa::PartialSchema for CompressMaterial {
+    fn schema() -> RefOr<Schema> {
+        let laws = LAWS.map(|law| format!("{}: {}.", law.name, law.what)).join(" ");
+        ObjectBuilder::new()
+            .schema_type(Type::String)
+            .enum_values(Some(LAWS.map(|law| law.name)))
+            .description(Some(format!("How a grain answers. {laws}")))
+            .into()
+    }
+}
+
+impl utoipa::ToSchema for CompressMaterial {}
 
 /// A compression as it is asked for; what is left out has its usual value.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema, clap::Args)]
@@ -29,7 +42,12 @@ pub enum CompressMaterial {
 #[schema(example = json!({ "material": "elastic", "to_force_n": 2.0 }))]
 pub struct CompressRequest {
     /// How the grain answers; plastic yields at `yield_mpa`.
-    #[arg(long, value_enum, default_value_t = CompressMaterial::Elastic, help = "How the grain answers; plastic yields at --yield-mpa")]
+    #[arg(
+        long,
+        value_parser = laws::parser(),
+        default_value = CompressMaterial::default().0.name,
+        help = "How the grain answers; plastic yields at --yield-mpa"
+    )]
     pub material: CompressMaterial,
     /// Young's modulus, MPa.
     #[arg(long, value_name = "MPA", default_value_t = Self::default().young_mpa, allow_negative_numbers = true)]
@@ -46,6 +64,9 @@ pub struct CompressRequest {
     /// Slope of the yield stress against the plastic strain, MPa.
     #[arg(long, value_name = "MPA", default_value_t = Self::default().hardening_mpa, allow_negative_numbers = true)]
     pub hardening_mpa: f64,
+    /// Parameters of the material's own, by name; what is left out has its usual value.
+    #[command(flatten)]
+    pub parameters: Parameters,
     /// Coulomb's friction between plates and grain.
     #[arg(long, value_name = "MU", default_value_t = Self::default().friction, allow_negative_numbers = true)]
     pub friction: f64,
@@ -105,12 +126,13 @@ impl Default for CompressRequest {
     fn default() -> Self {
         let (material, loading) = (Material::default(), Loading::default());
         Self {
-            material: CompressMaterial::Elastic,
+            material: CompressMaterial::default(),
             young_mpa: material.young_mpa,
             poisson: material.poisson,
             density_t_mm3: material.density_t_mm3,
             yield_mpa: 100.0,
             hardening_mpa: material.hardening_mpa,
+            parameters: Parameters::default(),
             friction: 0.2,
             to_force_n: None,
             to_approach_mm: None,
@@ -131,25 +153,30 @@ impl Default for CompressRequest {
 }
 
 impl CompressRequest {
+    /// The material, whether it can be computed or not.
+    fn material(&self) -> Material {
+        let all = Material {
+            young_mpa: self.young_mpa,
+            poisson: self.poisson,
+            density_t_mm3: self.density_t_mm3,
+            hardening_mpa: self.hardening_mpa,
+            parameters: self.parameters.0.clone(),
+            ..Material::default()
+        };
+        all.by(self.material.0, self.yield_mpa)
+    }
+
     /// What of the figures no laboratory has, but for those that depend on the body.
-    fn doubts(&self) -> Vec<Doubt> {
-        let plastic = self.material == CompressMaterial::Plastic;
-        [
-            plausible::YOUNG.doubt(self.young_mpa),
-            plausible::POISSON.doubt(self.poisson),
-            plausible::DENSITY.doubt(self.density_t_mm3),
-            plausible::YIELD.doubt(self.yield_mpa).filter(|_| plastic),
-            plausible::HARDENING.doubt(self.hardening_mpa).filter(|_| plastic),
+    fn doubts(&self, material: &Material) -> Vec<Doubt> {
+        let others = [
             plausible::FRICTION.doubt(self.friction),
             plausible::SPEED.doubt(self.speed),
             plausible::TRANSITION.doubt(self.transition_n),
             self.to_force_n.and_then(|f| plausible::FORCE.doubt(f)),
             self.to_approach_mm.and_then(|d| plausible::APPROACH.doubt(d)),
             self.time_step_s.and_then(|s| plausible::TIME_STEP.doubt(s)),
-        ]
-        .into_iter()
-        .flatten()
-        .collect()
+        ];
+        material.doubts().into_iter().chain(others.into_iter().flatten()).collect()
     }
 
     /// What is computed, but for what the body says.
@@ -162,7 +189,8 @@ impl CompressRequest {
             let fits = value.is_finite() && value > 0.0;
             if fits { Ok(()) } else { Err(ContactError::Setting { name, value, unit, limit, remedy }) }
         };
-        let doubts = self.doubts();
+        let material = self.material();
+        let doubts = self.doubts(&material);
         plausible::slips(&doubts, self.as_given)?;
         positive("speed", self.speed, "", "1 is usual")?;
         positive("transition_n", self.transition_n, "N", "2 N is usual")?;
@@ -197,13 +225,6 @@ impl CompressRequest {
             mass_scaling: self.mass_scaling,
             step_s: self.time_step_s,
             ..usual
-        };
-        let material = Material {
-            young_mpa: self.young_mpa,
-            poisson: self.poisson,
-            density_t_mm3: self.density_t_mm3,
-            yield_mpa: (self.material == CompressMaterial::Plastic).then_some(self.yield_mpa),
-            hardening_mpa: self.hardening_mpa,
         };
         loading.check()?;
         material.check()?;

@@ -3,7 +3,7 @@
 use super::{CompressResult, ExperimentResult, JobError, OtherCurve};
 use crate::session::{LOCK, write_whole};
 use grainrig_core::contact::experiment::LoadingEnd;
-use grainrig_core::contact::{Press, Sample, Transition, hertz, section};
+use grainrig_core::contact::{Press, Program, Sample, Transition, hertz, section};
 use grainrig_core::formats::{press_deck, pvd, vtu};
 use grainrig_core::geometry::{Point, Vector};
 use grainrig_core::mesh::TetMesh;
@@ -135,9 +135,11 @@ pub(super) fn write(
     let mut text = Vec::new();
     deck.abaqus(&mut text)?;
     write_whole(folder, "abaqus.inp", &text)?;
-    text.clear();
-    deck.calculix(&mut text)?;
-    write_whole(folder, "calculix.inp", &text)?;
+    if s.material.deck(Program::Calculix).is_some() {
+        text.clear();
+        deck.calculix(&mut text)?;
+        write_whole(folder, "calculix.inp", &text)?;
+    }
     let mut files: Vec<String> = (std::fs::read_dir(folder).into_iter().flatten().flatten())
         .map(|e| e.file_name().to_string_lossy().into_owned())
         .filter(|n| !n.starts_with('.') && n != LOCK)
@@ -185,8 +187,8 @@ fn series(name: &str, points: impl Iterator<Item = (f64, f64)>) -> Series {
 
 fn sheet(press: &Press, result: &CompressResult, others: &[OtherCurve]) -> Sheet {
     let (samples, s) = (press.samples(), &result.settings);
-    let own = if s.material.yield_mpa.is_some() { "elastic-plastic" } else { "elastic" };
-    let mut forces = vec![series(own, result.curve.iter().map(|p| (p.approach_mm, p.force_n)))];
+    let mut forces =
+        vec![series(s.material.law().legend, result.curve.iter().map(|p| (p.approach_mm, p.force_n)))];
     for other in others {
         forces.push(series(&other.name, other.points.iter().map(|p| (p.approach_mm, p.force_n))));
     }

@@ -10,6 +10,7 @@ mod figures;
 mod files;
 mod host;
 mod job;
+mod laws;
 mod news;
 mod of_session;
 mod options;
@@ -245,7 +246,7 @@ impl Compression {
         let delta_i_mm = transition.map(|t| t.delta_i_mm);
         let quasi = quasi_static(samples, settings.transition_n);
         // What yields follows neither law.
-        let elastic = settings.material.yield_mpa.is_none();
+        let elastic = !settings.material.law().yields;
         let fit = delta_i_mm
             .filter(|_| elastic)
             .and_then(|d| fit_hertz(&curve, d, &settings.material, settings.gap_mm));

@@ -1,7 +1,7 @@
 //! A session's grain, and the places of its compressions.
 
 use super::asked::{Asked, asked, is_finished};
-use super::{Claim, CompressInput, CompressMaterial, CompressRequest, JobError};
+use super::{Claim, CompressInput, CompressRequest, JobError};
 use crate::session::{Recording, State, check_name};
 use grainrig_core::formats::stl;
 use std::path::Path;
@@ -25,10 +25,7 @@ pub(super) fn claim_of(
     let wanted = Asked::new(&input, &placing, &settings)?;
     let is_same =
         |folder: &Path| asked(folder).is_some_and(|before| before == wanted) && !is_finished(folder);
-    let first = match request.material {
-        CompressMaterial::Elastic => "elastic",
-        CompressMaterial::Plastic => "plastic",
-    };
+    let first = request.material.0.name;
     let mut name = first.to_owned();
     for number in 2.. {
         let folder = recording.compression_path(&name)?;

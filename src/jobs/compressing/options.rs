@@ -4,11 +4,11 @@ use super::of_session::{claim_of, grain};
 use super::others::others;
 use super::{Claim, CompressInput, CompressProgress, CompressRequest, CompressResult, Compression};
 use crate::jobs::error::Of as _;
-use crate::jobs::mesh_files::{Unit, ending, outwards};
+use crate::jobs::mesh_files::{Unit, outwards};
 use crate::jobs::{Context, JobError};
 use crate::session::{Recording, to_json_value};
 use grainrig_core::contact::ContactError;
-use grainrig_core::formats::{inp_read, msh, stl};
+use grainrig_core::formats::{Format, Reads, endings};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -17,8 +17,8 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, utoipa::ToSchema, clap::Args)]
 #[serde(deny_unknown_fields, default)]
 pub struct CompressOptions {
-    /// A session, a mesh of tetrahedra (.inp, .msh) or a closed surface (.stl).
-    #[arg(required_unless_present_any = ["sphere_diameter_mm", "resume"])]
+    /// A session, a mesh of tetrahedra or a closed surface.
+    #[arg(help = input_help(), required_unless_present_any = ["sphere_diameter_mm", "resume"])]
     #[schema(value_type = Option<String>)]
     pub input: Option<PathBuf>,
     /// A sphere of this diameter instead of an input, mm.
@@ -135,7 +135,7 @@ impl CompressOptions {
     }
 
     pub(in crate::jobs) fn is_file(&self) -> bool {
-        self.input.as_ref().is_some_and(|path| ["stl", "inp", "msh"].contains(&ending(path).as_str()))
+        self.input.as_ref().and_then(|path| Format::of(path)).is_some_and(is_body)
     }
 
     /// The session whose grain is compressed; `None` for a file or a sphere.
@@ -144,8 +144,9 @@ impl CompressOptions {
         // A client has no other files.
         if !context.names.is_clients() && given.is_file() {
             return Err(JobError::Usage(format!(
-                "{}: a body is read from .stl, .inp or .msh; `grainrig mesh` makes one of them from other files",
-                given.display()
+                "{}: a body is read from {}; `grainrig mesh` makes one of them from other files",
+                given.display(),
+                endings(is_body, " or ")
             )));
         }
         Ok(Some(Recording::read(&context.names.session(given)?)?))
@@ -162,13 +163,21 @@ impl CompressOptions {
         let name = given.display().to_string();
         let bytes = crate::system::read(&context.names.input(given)?)?;
         let in_mm = self.unit.in_mm();
-        if ending(given) == "stl" {
-            let mut surface = stl::read(&bytes).of(given)?;
-            surface.vertices.iter_mut().for_each(|p| p.coords *= in_mm);
-            return Ok(CompressInput::Surface(outwards(surface, given)?.0.surface().clone(), name));
-        }
-        let read = if ending(given) == "inp" { inp_read::read(&bytes) } else { msh::read(&bytes) };
-        let mut mesh = read.of(given)?;
+        let mut mesh = match Format::of(given).and_then(|format| format.reads) {
+            Some(Reads::Volume(read)) => read(&bytes).of(given)?,
+            Some(Reads::Surface(read)) => {
+                let mut surface = read(&bytes).of(given)?;
+                surface.vertices.iter_mut().for_each(|p| p.coords *= in_mm);
+                let outwards = outwards(surface, given)?.0.surface().clone();
+                return Ok(CompressInput::Surface(outwards, name));
+            }
+            _ => {
+                return Err(JobError::Usage(format!(
+                    "{name}: a body is read from {}",
+                    endings(is_body, " or ")
+                )));
+            }
+        };
         mesh.nodes.iter_mut().for_each(|p| p.coords *= in_mm);
         if self.request.size_mm.is_some() || self.request.size_at_contact_mm.is_some() {
             return Err(JobError::Usage(
@@ -194,6 +203,18 @@ impl CompressOptions {
             _ => error,
         }
     }
+}
+
+/// Whether a body to be compressed is read of such files.
+fn is_body(format: &Format) -> bool {
+    matches!(format.reads, Some(Reads::Surface(_) | Reads::Volume(_)))
+}
+
+/// What may be compressed, for a help text.
+fn input_help() -> String {
+    let volumes = endings(|f| matches!(f.reads, Some(Reads::Volume(_))), ", ");
+    let surfaces = endings(|f| matches!(f.reads, Some(Reads::Surface(_))), ", ");
+    format!("A session, a mesh of tetrahedra ({volumes}) or a closed surface ({surfaces})")
 }
 
 fn sphere(diameter_mm: f64) -> Result<CompressInput, JobError> {

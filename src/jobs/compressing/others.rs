@@ -41,8 +41,7 @@ pub(super) fn others(
         let result: CompressResult = serde_json::from_slice(&bytes).map_err(|e| {
             JobError::Content(format!("{} is no result of a compression: {e}", path.display()))
         })?;
-        let plastic = result.settings.material.yield_mpa.is_some();
-        let name = if plastic { "elastic-plastic" } else { "elastic" };
+        let name = result.settings.material.law().legend;
         out.push(OtherCurve { name: name.into(), points: result.curve, measured: None });
     }
     Ok(out)

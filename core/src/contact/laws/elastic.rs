@@ -14,21 +14,73 @@
 //! and Kirchhoff it does not soften in compression, which matters under a contact, where the strain reaches a fifth: in one
 //! direction it answers between a nominal stress in proportion to the stretch and Hencky's law.
 
-use super::Material;
-use super::lanes::{
+use super::{ChunkOutput, ChunkState, ChunkStep, Law, MaterialLaw, Moduli, Program};
+use crate::contact::body::Chunk;
+use crate::contact::lanes::{
     Batch, Lane, Matrices, Matrix, Node, W, cofactors, edges, gradients, pick, put, scatter, sum,
+    times_transposed,
+};
+use std::sync::Arc;
+
+/// The law in the table.
+pub(super) static LAW: Law = Law {
+    name: "elastic",
+    legend: "elastic",
+    what: "Elastic",
+    yields: false,
+    parameters: &[],
+    of: |material| {
+        Arc::new(Elastic {
+            moduli: material.into(),
+            young_mpa: material.young_mpa,
+            poisson: material.poisson,
+        })
+    },
 };
 
-/// Lamé's parameters, MPa.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Moduli {
-    pub lambda: f64,
-    pub shear: f64,
+/// A neo-Hookean solid.
+#[derive(Debug)]
+struct Elastic {
+    moduli: Moduli,
+    young_mpa: f64,
+    poisson: f64,
 }
 
-impl From<&Material> for Moduli {
-    fn from(material: &Material) -> Self {
-        Self { lambda: material.lambda_mpa(), shear: material.shear_mpa() }
+impl MaterialLaw for Elastic {
+    fn stiffest(&self) -> Moduli {
+        self.moduli
+    }
+
+    fn step(&self, at: &ChunkStep, state: &mut ChunkState, out: &mut [Node]) -> ChunkOutput {
+        let mut output = ChunkOutput::default();
+        for (b, batch) in at.chunk.batches.iter().enumerate() {
+            let before = &mut state.volume_ratio[b];
+            let batch_output = forces::<true>(&self.moduli, batch, at.positions, before, at.step_s, out);
+            output.viscous += batch_output.viscous_n_mm;
+            output.check_volumes(&batch_output.volume_ratio, at.chunk.first + b * W);
+        }
+        output
+    }
+
+    fn response(&self, chunk: &Chunk, positions: &[Node], displacements: &[Node], out: &mut [Node]) {
+        let moved: Vec<Node> =
+            (positions.iter().zip(displacements)).map(|(x, u)| [0, 1, 2].map(|k| x[k] + u[k])).collect();
+        let mut unused: Lane = [0.0; W];
+        for batch in &chunk.batches {
+            forces::<false>(&self.moduli, batch, &moved, &mut unused, 0.0, out);
+        }
+    }
+
+    fn stored_n_mm(&self, chunk: &Chunk, positions: &[Node], _state: &ChunkState) -> f64 {
+        chunk.batches.iter().map(|batch| energy(&self.moduli, batch, positions)).sum()
+    }
+
+    fn cauchy_mpa(&self, f: &Matrix, _r: &Matrix, _pressure: f64, _history: &[Lane], _lane: usize) -> Matrix {
+        cauchy(&self.moduli, f)
+    }
+
+    fn deck(&self, _program: Program) -> Option<String> {
+        Some(format!("*ELASTIC\n{}, {}\n", self.young_mpa, self.poisson))
     }
 }
 
@@ -57,7 +109,7 @@ fn all_cofactors(f: &Matrices) -> (Matrices, Lane) {
 /// Adds the forces of a batch. With `VISCOUS` the change of the volume since `before` over `step_s` is resisted, and
 /// `before` becomes what is now.
 #[inline(always)]
-pub(super) fn forces<const VISCOUS: bool>(
+fn forces<const VISCOUS: bool>(
     moduli: &Moduli,
     batch: &Batch,
     positions: &[Node],
@@ -88,7 +140,7 @@ pub(super) fn forces<const VISCOUS: bool>(
 }
 
 /// The energy stored in a batch, N·mm.
-pub(super) fn energy(moduli: &Moduli, batch: &Batch, positions: &[Node]) -> f64 {
+fn energy(moduli: &Moduli, batch: &Batch, positions: &[Node]) -> f64 {
     let f = gradients(batch, &edges(batch, positions));
     let (_, determinant) = all_cofactors(&f);
     (0..W)
@@ -105,9 +157,9 @@ pub(super) fn energy(moduli: &Moduli, batch: &Batch, positions: &[Node]) -> f64 
 }
 
 /// Cauchy's stress for F, MPa.
-pub(super) fn cauchy(moduli: &Moduli, f: &Matrix) -> Matrix {
+fn cauchy(moduli: &Moduli, f: &Matrix) -> Matrix {
     let (_, determinant) = cofactors(f);
-    let mut s = super::lanes::times_transposed(f, f).map(|x| moduli.shear * x);
+    let mut s = times_transposed(f, f).map(|x| moduli.shear * x);
     for k in [0, 4, 8] {
         s[k] += moduli.lambda * determinant.ln() - moduli.shear;
     }
