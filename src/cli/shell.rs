@@ -40,7 +40,7 @@ pub(super) fn completions(arguments: &CompletionsArguments) -> Result<()> {
     // What is hidden from people is offered to nobody.
     let all = Cli::command();
     let listed = all.get_subcommands().filter(|command| !command.is_hide_set()).cloned();
-    let program = clap::Command::new("grainrig").version(about::SHORT);
+    let program = clap::Command::new("grainrig").version(about::SHORT.as_str());
     let mut program = program.args(all.get_arguments().cloned()).subcommands(listed);
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut program, "grainrig", &mut script);

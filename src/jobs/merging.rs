@@ -86,7 +86,7 @@ pub fn merge(
     out: &Path,
     mesh: Option<&MeshSettings>,
     watcher: &Watcher,
-) -> Result<Finished, DaemonError> {
+) -> Result<Finished, JobError> {
     trace::job_of("merge", out, || merged(poses, out, mesh, watcher))
 }
 
