@@ -1,7 +1,7 @@
 //! What a person or a program reads: a reader that has gone away ends no job.
 
 use super::logging;
-use crate::jobs::ErrorKind as Kind;
+use crate::jobs::{ErrorKind as Kind, stated};
 use crate::session::{to_json, to_json_value};
 use anyhow::{Context as _, Result};
 use serde_json::json;
@@ -22,21 +22,9 @@ pub(super) fn print(text: &str) -> Result<()> {
 /// Whether the one object is printed.
 static PRINTED: AtomicBool = AtomicBool::new(false);
 
-/// The version of the form of what is printed; raised where a key changes its name, unit or meaning.
-const SCHEMA: u32 = 1;
-
-/// Prints the one result object on standard output, with the version of its form and the program's where it does not state
-/// them itself; nothing of it where a number in it is none.
+/// Prints the one result object on standard output, as [`stated`] has it; nothing of it where a number in it is none.
 pub(super) fn print_json(value: &impl serde::Serialize) -> Result<()> {
-    let mut value = to_json_value(value).context("cannot encode the result")?;
-    if let Some(object) = value.as_object_mut().filter(|object| !object.contains_key("version")) {
-        let software = concat!("grainrig ", env!("CARGO_PKG_VERSION"));
-        for (key, stated) in [("software", json!(software)), ("schema", json!(SCHEMA))] {
-            if !object.contains_key(key) {
-                object.shift_insert(0, key.into(), stated);
-            }
-        }
-    }
+    let value = to_json_value(value).map(stated).context("cannot encode the result")?;
     let text = to_json(&value).context("cannot encode the result")?;
     PRINTED.store(true, Ordering::Relaxed);
     print(&String::from_utf8_lossy(&text))

@@ -53,8 +53,8 @@ fn of_mesh(error: &MeshError) -> ErrorKind {
 }
 
 fn of_contact(error: &ContactError) -> ErrorKind {
-    use ContactError::{Doubt, Setting, Unstable};
-    ErrorKind::usage_if(matches!(error, Setting { .. } | Unstable { .. } | Doubt(_)))
+    use ContactError::{Doubt, Parameter, Setting, Unstable};
+    ErrorKind::usage_if(matches!(error, Setting { .. } | Parameter { .. } | Unstable { .. } | Doubt(_)))
 }
 
 impl JobError {

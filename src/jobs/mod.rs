@@ -57,12 +57,28 @@ pub use studying::{Studied, StudyOptions};
 
 use crate::config::Config;
 use crate::session::event::{Event, Happening, News};
+use serde_json::Value;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 /// The program and its version, as files name what made them.
 const SOFTWARE: &str = concat!("grainrig ", env!("CARGO_PKG_VERSION"));
+
+/// The version of the form of what a job comes to; raised where a key changes its name, unit or meaning.
+const SCHEMA: u32 = 1;
+
+/// A result with the version of its form and the program's, where it does not state them itself.
+pub fn stated(mut result: Value) -> Value {
+    if let Some(object) = result.as_object_mut().filter(|object| !object.contains_key("version")) {
+        for (key, stated) in [("software", SOFTWARE.into()), ("schema", SCHEMA.into())] {
+            if !object.contains_key(key) {
+                object.shift_insert(0, key.into(), stated);
+            }
+        }
+    }
+    result
+}
 
 /// Told of every event of a job, in order. Called while the session is held: it must not block.
 pub type Watcher = Arc<dyn Fn(&Event) + Send + Sync>;

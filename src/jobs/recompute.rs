@@ -3,7 +3,7 @@
 use super::background::{About, Background, End, Teller};
 use super::{
     CompressOptions, Context, ImportOptions, JobError, MergeOptions, MeshOptions, Meshed, ReconstructOptions,
-    ReplayOptions, ScaleOptions, StudyOptions, VerifyOptions, Watcher,
+    ReplayOptions, ScaleOptions, StudyOptions, VerifyOptions, Watcher, stated,
 };
 use crate::session::event::{Happening, JobKind};
 use crate::session::to_json_value;
@@ -129,7 +129,7 @@ impl Background {
             let result =
                 job.run(&Context { watcher: progress(told), ..context }).map_err(|e| e.to_string())?;
             let is_whole = result.get("finished") != Some(&Value::Bool(false));
-            teller.keep(result);
+            teller.keep(stated(result));
             Ok(if is_whole || !stop.load(Ordering::Acquire) { End::Done } else { End::Stopped })
         })
     }

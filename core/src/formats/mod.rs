@@ -140,7 +140,7 @@ mod tests {
         let particulars = Particulars { order: inp::Order::First, band_mm: 0.1, provenance: &from };
         for format in FORMATS {
             for ending in format.endings {
-                let found = Format::of(&format!("a.b.{}", ending.to_uppercase())).unwrap();
+                let found = Format::of(format!("a.b.{}", ending.to_uppercase())).unwrap();
                 assert_eq!(found.name, format.name);
             }
             let mut bytes = Vec::new();

@@ -192,7 +192,8 @@ impl CompressOptions {
         let of_body = match &error {
             JobError::Mesh(_) | JobError::Doubt(_) => true,
             JobError::Contact(e) => {
-                !matches!(e, ContactError::Setting { .. } | ContactError::Unstable { .. })
+                use ContactError::{Parameter, Setting, Unstable};
+                !matches!(e, Setting { .. } | Parameter { .. } | Unstable { .. })
             }
             _ => false,
         };
