@@ -1,16 +1,13 @@
 //! Pictures as a laboratory takes them: what must not change the outline is put into pictures of the simulated rig (and
 //! into rendered ones, where they are there), and the outline's area is held against that of the clean picture.
 
-#[path = "support/skip.rs"]
-mod skip;
-
+use crate::skip::shared_data;
 use grainrig::rig::simulated::{self, Settings as Rig};
 use grainrig::rig::{Camera as _, RotationStage as _};
 use grainrig_core::formats::decode;
 use grainrig_core::geometry::Angle;
 use grainrig_core::hull::{Cone, HullGrid, find_bounds};
 use grainrig_core::silhouette::{Picture, Segmentation, Settings, find};
-use skip::shared_data;
 use std::path::Path;
 use std::process::Command;
 use std::sync::{Arc, OnceLock};

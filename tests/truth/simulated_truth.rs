@@ -1,12 +1,9 @@
 //! The whole way on the simulated rig, held against the truth that only a simulation knows.
 
-#[path = "support/kit/mod.rs"]
-mod kit;
-
+use crate::kit::{self, Lab};
 use grainrig::rig::simulated::{Coverage, Truth, TruthHandle, open};
 use grainrig::session::event::Role;
 use grainrig_core::geometry::{Angle, Point, Projection};
-use kit::Lab;
 use rayon::prelude::*;
 use serde_json::Value;
 
