@@ -90,10 +90,13 @@ check: drivers
 	$(CARGO) deny check licenses bans sources
 	$(CARGO) deny check advisories || echo 'advisories were not checked: see above'
 
-# Timings as ratios to a yardstick that runs beside them; libjpeg-turbo's djpeg is one of them where it can be had.
+# Timings as ratios to a yardstick that runs beside them; libjpeg-turbo's djpeg is one of them where it can be had. Instructions
+# of the kernels beside their times, where valgrind can be had.
 bench:
 	@command -v djpeg >/dev/null || { $(APT) update && $(APT) install -y libjpeg-turbo-progs; } \
 		|| echo '*** libjpeg-turbo-progs could not be installed: its yardstick is skipped' >&2
+	@command -v valgrind >/dev/null || { $(APT) update && $(APT) install -y valgrind; } \
+		|| echo '*** valgrind could not be installed: instructions are not counted' >&2
 	$(CARGO) bench $(FEATURES)
 
 clean:

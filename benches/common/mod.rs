@@ -26,6 +26,7 @@ pub fn median_s<T>(mut run: impl FnMut() -> T) -> f64 {
 }
 
 /// One line: what, how large, how long, how many a second, and the time over a yardstick's.
+#[allow(dead_code)]
 pub fn tell(what: &str, size: &str, seconds: f64, throughput: &str, yardstick: (&str, f64)) {
     let (name, by) = yardstick;
     println!(

@@ -110,26 +110,37 @@ fn nearly_all_lie_within_two_sigma<'a>(made: impl Iterator<Item = &'a [Errors; 6
     }
 }
 
+/// What was made of each of so many seeds, side by side, in their order. What can't be captured (a body too large for its picture)
+/// is no rig; nearly all are one.
+fn nearly_all<T: Send>(
+    seeds: std::ops::Range<u64>,
+    make: impl Fn(u64) -> Result<T, String> + Sync,
+) -> Vec<T> {
+    let wanted = seeds.end - seeds.start;
+    let made: Vec<T> = (seeds.into_par_iter())
+        .filter_map(|seed| make(seed).map_err(|e| println!("rig {seed}: {e}")).ok())
+        .collect();
+    assert!(wanted > 0 && made.len() as u64 * 10 >= wanted * 9, "only {} rigs of {wanted}", made.len());
+    made
+}
+
 /// Calibrates rigs side by side; what each gave, in the order of the seeds.
 fn all<T: Send>(
     seeds: std::ops::Range<u64>,
     settings: impl Fn(u64) -> Settings + Sync,
     told: impl Fn(u64, &Captured, &Calibration) -> T + Sync,
 ) -> Vec<T> {
-    (seeds.into_par_iter())
-        .filter_map(|seed| {
-            let captured = capture(&settings(seed)).map_err(|e| println!("rig {seed}: {e}")).ok()?;
-            let (c, _) = calibrated(&captured, &known(&captured));
-            Some(told(seed, &captured, &c))
-        })
-        .collect()
+    nearly_all(seeds, |seed| {
+        let captured = capture(&settings(seed))?;
+        let (c, _) = calibrated(&captured, &known(&captured));
+        Ok(told(seed, &captured, &c))
+    })
 }
 
 #[test]
 fn the_truth_of_random_rigs_lies_within_the_stated_uncertainty() {
-    let wanted = rigs(20);
     let made = all(
-        0..wanted,
+        0..rigs(20),
         |seed| random(seed, Wrong::Nothing),
         |seed, captured, c| {
             let own = errors_of(captured, c);
@@ -144,8 +155,6 @@ fn the_truth_of_random_rigs_lies_within_the_stated_uncertainty() {
             (own, found)
         },
     );
-    // What the simulator refuses (a body too large for its picture) is no rig; nearly all are one.
-    assert!(made.len() as u64 * 10 >= wanted * 9, "only {} rigs of {wanted}", made.len());
     let alarms: Vec<&String> = made.iter().flat_map(|m| &m.1).collect();
     println!("{} rigs, {} false alarms: {alarms:?}", made.len(), alarms.len());
     nearly_all_lie_within_two_sigma(made.iter().map(|m| &m.0));
@@ -168,36 +177,29 @@ fn a_telecentric_lens_is_not_taken_for_a_near_camera() {
             c.camera_distance_note
         );
     };
-    let made = all(0..seeds.len() as u64, |i| of(seeds[i as usize]), said);
-    assert!(made.len() * 10 >= seeds.len() * 9, "only {} rigs of {}", made.len(), seeds.len());
+    all(0..seeds.len() as u64, |i| of(seeds[i as usize]), said);
 }
 
 /// Camera up or down, a distance that was noted wrong, and every step up to a hundredth too large or too small.
 #[test]
 fn rigs_that_were_misread_state_how_little_they_know() {
-    let wanted = rigs(10);
-    let made: Vec<([Errors; 6], Vec<String>)> = (0..wanted)
-        .into_par_iter()
-        .filter_map(|seed| {
-            let (settings, given) = misread(seed);
-            let captured = capture(&settings).map_err(|e| println!("rig {seed}: {e}")).ok()?;
-            let (c, _) = calibrated(&captured, &Known { camera_distance_mm: given, ..known(&captured) });
-            let slips =
-                c.findings.iter().filter(|f| matches!(f.kind, FindingKind::Slip | FindingKind::LostSteps));
-            let own = errors_of(&captured, &c);
-            // A noted distance is used, or it is said that it is not.
-            let refused = c.warnings.iter().any(|w| w.starts_with("the camera's distance is given as"));
-            assert!(given.is_none() || c.camera_distance_mm.value.is_some() || refused, "rig {seed}");
-            // Where no distance is stated, none is said that is not there.
-            let least =
-                c.camera_distance_note.split("farther than ").nth(1).and_then(|s| s.split(' ').next());
-            if let (Some(least), Some(true_mm)) = (least, settings.camera_distance_mm) {
-                assert!(least.parse::<f64>().unwrap() < true_mm, "rig {seed}: {}", c.camera_distance_note);
-            }
-            Some((own, slips.map(|f| format!("rig {seed}: {}", f.text)).collect()))
-        })
-        .collect();
-    assert!(made.len() as u64 * 10 >= wanted * 9, "only {} rigs of {wanted}", made.len());
+    let made: Vec<([Errors; 6], Vec<String>)> = nearly_all(0..rigs(10), |seed| {
+        let (settings, given) = misread(seed);
+        let captured = capture(&settings)?;
+        let (c, _) = calibrated(&captured, &Known { camera_distance_mm: given, ..known(&captured) });
+        let slips =
+            c.findings.iter().filter(|f| matches!(f.kind, FindingKind::Slip | FindingKind::LostSteps));
+        let own = errors_of(&captured, &c);
+        // A noted distance is used, or it is said that it is not.
+        let refused = c.warnings.iter().any(|w| w.starts_with("the camera's distance is given as"));
+        assert!(given.is_none() || c.camera_distance_mm.value.is_some() || refused, "rig {seed}");
+        // Where no distance is stated, none is said that is not there.
+        let least = c.camera_distance_note.split("farther than ").nth(1).and_then(|s| s.split(' ').next());
+        if let (Some(least), Some(true_mm)) = (least, settings.camera_distance_mm) {
+            assert!(least.parse::<f64>().unwrap() < true_mm, "rig {seed}: {}", c.camera_distance_note);
+        }
+        Ok((own, slips.map(|f| format!("rig {seed}: {}", f.text)).collect()))
+    });
     let slips: Vec<&String> = made.iter().flat_map(|m| &m.1).collect();
     println!("{} rigs, {} false slips: {slips:?}", made.len(), slips.len());
     nearly_all_lie_within_two_sigma(made.iter().map(|m| &m.0));
@@ -238,20 +240,15 @@ fn clean_rigs_raise_no_alarm_however_many_views_they_have() {
 fn clean_rigs_raise_no_alarm_however_small_the_grain() {
     let plans = [6, 8, 10, 12, 15, 20, 25, 36];
     let sizes = [30.0, 50.0, 80.0, 120.0];
-    let wanted = rigs(32);
-    let alarms: Vec<Vec<String>> = (0..wanted)
-        .into_par_iter()
-        .filter_map(|seed| {
-            let views = plans[seed as usize % plans.len()];
-            let size_px = sizes[seed as usize / plans.len() % sizes.len()];
-            let rig = small(seed, size_px, Wrong::Nothing);
-            let captured = capture_views(&rig, views).map_err(|e| println!("rig {seed}: {e}")).ok()?;
-            let (c, _) = calibrated(&captured, &known(&captured));
-            let told = move |f| format!("rig {seed}, {size_px} px, {views} views: {f}");
-            Some(c.findings.into_iter().map(|f| f.text).map(told).collect::<Vec<_>>())
-        })
-        .collect();
-    assert!(alarms.len() as u64 * 10 >= wanted * 9, "only {} rigs of {wanted}", alarms.len());
+    let alarms: Vec<Vec<String>> = nearly_all(0..rigs(32), |seed| {
+        let views = plans[seed as usize % plans.len()];
+        let size_px = sizes[seed as usize / plans.len() % sizes.len()];
+        let rig = small(seed, size_px, Wrong::Nothing);
+        let captured = capture_views(&rig, views)?;
+        let (c, _) = calibrated(&captured, &known(&captured));
+        let told = move |f| format!("rig {seed}, {size_px} px, {views} views: {f}");
+        Ok(c.findings.into_iter().map(|f| f.text).map(told).collect())
+    });
     let told: Vec<&String> = alarms.iter().flatten().collect();
     println!(
         "{} false alarms in {} of {} rigs",

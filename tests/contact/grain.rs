@@ -58,7 +58,7 @@ fn a_real_grain_is_pressed_elastic_and_plastic() {
     let Some(bytes) = grain() else { return };
     let folder = TempDir::new().unwrap();
     std::fs::write(folder.path().join("grain.stl"), bytes).unwrap();
-    let sizes: &[&str] = if long() { &[] } else { &["--size-mm", "0.1", "--size-at-contact-mm", "0.03"] };
+    let sizes: &[&str] = if long() { &[] } else { &["--size-mm", "0.12", "--size-at-contact-mm", "0.04"] };
     let elastic = pressed(&folder, "elastic", sizes);
     let with = [sizes, &["--material", "plastic", "--beside", "elastic"]].concat();
     let plastic = pressed(&folder, "plastic", &with);

@@ -1,7 +1,7 @@
 //! A plastic sphere between plates: where it begins to yield, and what it carries when all of the contact flows.
 
 use crate::bodies::graded_ball;
-use crate::sphere::{long, pressed};
+use crate::sphere::{long, pressed, quicker};
 use grainrig_core::contact::{Loading, Material, Press, hertz};
 use grainrig_core::geometry::Vector;
 use grainrig_core::mesh::TetMesh;
@@ -13,8 +13,9 @@ fn a_plastic_sphere_carries_tabors_pressure_and_does_not_lock() {
     let material = Material { yield_mpa: Some(yield_mpa), ..Material::default() };
     let meshes: &[[f64; 2]] =
         if long() { &[[0.010, 0.07], [0.007, 0.06]] } else { &[[0.014, 0.10], [0.011, 0.10]] };
+    let speeds = if long() { Loading::default() } else { quicker() };
     for sizes in meshes {
-        let (press, curve) = pressed(&material, radius, *sizes, 0.0045);
+        let (press, curve) = pressed(&material, radius, *sizes, 0.0045, &speeds);
         let e = press.samples().last().unwrap().energy;
         assert!(e.balance_error().abs() < 0.01, "{e:?}");
         assert!(e.plastic > 0.5 * e.internal());
@@ -61,7 +62,8 @@ fn yield_begins_where_johnson_says() {
     let sizes: &[[f64; 2]] = if long() { &[[0.010, 0.10], [0.007, 0.10]] } else { &[[0.010, 0.10]] };
     for [at_contact, elsewhere] in sizes {
         let mesh = graded_ball(radius, *at_contact, 0.006, *elsewhere);
-        let loading = Loading { to_force_n: Some(2.0 * onset), ..Loading::default() };
+        let speeds = if long() { Loading::default() } else { quicker() };
+        let loading = Loading { to_force_n: Some(2.0 * onset), ..speeds };
         let mut press = Press::new(&mesh, &material, 0.0, 2.0 * radius, 0.0, &loading).unwrap();
         let first = loop {
             let sample = press.next_sample().unwrap();

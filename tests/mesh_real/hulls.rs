@@ -5,7 +5,7 @@ use super::{assert_good, assert_sound, default_controls, on_threads};
 use grainrig::rig::simulated::{Settings, open};
 use grainrig_core::geometry::Angle;
 use grainrig_core::hull::{Cone, HullGrid, VisualHull, find_bounds};
-use grainrig_core::mesh::{Controls, MeshError, mesh};
+use grainrig_core::mesh::{Controls, mesh};
 use grainrig_core::silhouette::{self, PedestalMode, Picture};
 use std::sync::Arc;
 
@@ -94,18 +94,15 @@ fn a_hull_gives_the_same_mesh_on_one_thread_and_on_three() {
 }
 
 #[test]
-fn a_facet_angle_out_of_reach_is_an_error_that_says_what_is_reached() {
+fn the_largest_facet_angle_that_may_be_asked_for_is_kept_on_ridges_and_a_larger_one_is_refused() {
     let (body, volume) = hull(&small(2), 3);
-    let controls = Controls { facet_angle_deg: 30.0, ..default_controls(volume, 3.0) };
+    let asked = |facet_angle_deg| Controls { facet_angle_deg, ..default_controls(volume, 3.0) };
     let mut reached = Vec::new();
-    match mesh(&body, &controls, &mut |part| reached.push(part)) {
-        // A lattice may happen to suit a body: then the promise holds.
-        Ok(made) => drop(assert_sound(&made, &controls, "30°")),
-        Err(e @ MeshError::Promise(_)) => {
-            let text = e.to_string();
-            assert!(text.contains("facet_angle_deg = 30.0000 °") && text.contains("smaller"), "{text}");
-        }
-        Err(e) => panic!("{e}"),
-    }
+    let made = mesh(&body, &asked(30.0), &mut |part| reached.push(part)).unwrap();
+    assert!(assert_sound(&made, &asked(30.0), "30°").facet_angle_deg >= 30.0);
     assert!(reached.is_sorted() && reached.iter().all(|p| (0.0..=1.0).contains(p)), "{reached:?}");
+    let text = mesh(&body, &asked(30.1), &mut |_| ()).map(|_| ()).unwrap_err().to_string();
+    for part in ["facet_angle_deg", "30.1", "at most 30°", "25°"] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
 }

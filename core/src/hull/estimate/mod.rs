@@ -23,7 +23,7 @@
 //! without the signs); 96 % of the truths lie in the interval, whose median width is 7.8 % at a median excess of 6.5 %; the
 //! median error of the estimate is 0.9 %. Of convex hulls (median excess 0.9 %) 96 % lie in it, of the grains cut by
 //! planes (1.5 %), predicted from particles alone, 89 %: facets make a slice unsteady that has no hollow. How well it holds
-//! through whole captures shows `tests/volume_estimate.rs`, on grains of which none was fitted to (four are of powders
+//! through whole captures shows `tests/truth/volume_estimate.rs`, on grains of which none was fitted to (four are of powders
 //! whose other particles were).
 //!
 //! Cameras that are not level, or not all around, show no slices; there only the outlines' concavity stands for the

@@ -1,11 +1,8 @@
 //! Other people's pictures go through `grainrig import` to a mesh. The data are not part of the project;
 //! where they are not there, each test says so and passes.
 
-#[path = "support/skip.rs"]
-mod skip;
-
+use crate::skip::shared_data;
 use serde_json::Value;
-use skip::shared_data;
 use std::path::Path;
 use std::process::Command;
 

@@ -1,12 +1,9 @@
 //! The drawings among the products: outlines over the photographs, the sheet of the calibration.
 
-#[path = "support/kit/mod.rs"]
-mod kit;
-
+use crate::kit::{Lab, files, read};
 use grainrig_core::report::{Marks, Shot};
 use grainrig_core::silhouette::{Picture, Settings, find};
 use image::RgbImage;
-use kit::{Lab, files, read};
 use std::path::Path;
 
 fn picture(path: &Path) -> RgbImage {

@@ -1,9 +1,6 @@
 //! The study of the number of views, as its user runs it.
 
-#[path = "support/kit/mod.rs"]
-mod kit;
-
-use kit::{Lab, read};
+use crate::kit::{Lab, read};
 use serde_json::Value;
 use std::f64::consts::PI;
 use std::fmt::Write as _;

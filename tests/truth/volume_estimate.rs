@@ -1,24 +1,17 @@
 //! Whether the grain's volume lies in the stated interval: whole captures of grains whose truth is known.
 //!
-//! `GRAINRIG_GRAINS=100 cargo test --release --test volume_estimate -- --nocapture` makes as many captures and prints each.
+//! `GRAINRIG_GRAINS=100 cargo test --release --test truth volume_estimate -- --nocapture` makes as many captures and prints each.
 //! Real shapes are not part of the project: where they are, each grain is one of them, turned any way and stretched
 //! along its axes so that no two are alike; else built ones stand in.
 
-#[path = "support/kit/mod.rs"]
-mod kit;
-#[path = "support/random.rs"]
-mod random;
-#[path = "support/skip.rs"]
-mod skip;
-
+use crate::kit::{self, Lab};
+use crate::random::Random;
+use crate::skip::shared_data;
 use grainrig::rig::simulated::Truth;
 use grainrig_core::formats::stl;
 use grainrig_core::geometry::{Point, TriangleMesh};
-use kit::Lab;
 use nalgebra::Vector3;
-use random::Random;
 use serde_json::Value;
-use skip::shared_data;
 use std::path::{Path, PathBuf};
 
 /// Grains that are captured where nobody says how many.

@@ -1,8 +1,6 @@
 //! A recorded session replays to the same bytes, and `verify` finds every change of them.
 
-#[path = "support/kit/mod.rs"]
-mod kit;
-
+use crate::kit::{Lab, MM_PER_PX, Ran, VIEWS, files, read};
 use grainrig::acquire::Control;
 use grainrig::config::Config;
 use grainrig::jobs::{self, JobError, Watcher};
@@ -11,7 +9,6 @@ use grainrig::session::event::{Event, Happening};
 use grainrig::session::import::{ImportRequest, scan};
 use grainrig::session::{Manifest, Recording, State, Store, verify};
 use grainrig_core::geometry::Angle;
-use kit::{Lab, MM_PER_PX, Ran, VIEWS, files, read};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};

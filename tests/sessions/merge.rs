@@ -1,10 +1,7 @@
 //! Two captures of one grain, another side down in the second, become one closer hull.
 
-#[path = "support/kit/mod.rs"]
-mod kit;
-#[path = "support/skip.rs"]
-mod skip;
-
+use crate::kit::{self, Lab, Ran};
+use crate::skip::shared_data;
 use grainrig::acquire::Control;
 use grainrig::config::Config;
 use grainrig::jobs::{self, Finished, JobError, Watcher};
@@ -12,11 +9,9 @@ use grainrig::pipeline::PipelineError;
 use grainrig::rig::simulated::{self, Coverage, Settings};
 use grainrig_core::geometry::{Angle, Point, Projection, Vector};
 use grainrig_core::register::RegisterError;
-use kit::{Lab, Ran};
 use nalgebra::{Matrix3, Rotation3};
 use rayon::prelude::*;
 use serde_json::Value;
-use skip::shared_data;
 use std::path::PathBuf;
 use std::sync::Arc;
 

@@ -1,11 +1,8 @@
 //! A capture that is killed, interrupted or fails at any time goes on with `resume`.
 
-#[path = "support/kit/mod.rs"]
-mod kit;
-
+use crate::kit::{self, Lab, Ran, VIEWS, read};
 use grainrig::session::event::{Event, Happening};
 use grainrig::session::{Session, State};
-use kit::{Lab, Ran, VIEWS, read};
 use std::collections::BTreeMap;
 
 /// Slow enough that the next view is not there before a signal is sent.

@@ -1,14 +1,9 @@
 //! `kill -9` while products are made: at every instant a session's products are of one set, and what is not complete is
 //! not called so.
 
-#[path = "support/kit/mod.rs"]
-mod kit;
-#[path = "support/random.rs"]
-mod random;
-
+use crate::kit::{Lab, Ran, files};
+use crate::random::Random;
 use grainrig::session::State;
-use kit::{Lab, Ran, files};
-use random::Random;
 use std::collections::{BTreeMap, BTreeSet};
 use std::os::unix::fs::MetadataExt as _;
 use std::path::Path;

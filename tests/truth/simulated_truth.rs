@@ -1,12 +1,9 @@
 //! The whole way on the simulated rig, held against the truth that only a simulation knows.
 
-#[path = "support/kit/mod.rs"]
-mod kit;
-
+use crate::kit::{self, Lab};
 use grainrig::rig::simulated::{Coverage, Truth, TruthHandle, open};
 use grainrig::session::event::Role;
 use grainrig_core::geometry::{Angle, Point, Projection};
-use kit::Lab;
 use rayon::prelude::*;
 use serde_json::Value;
 
@@ -107,8 +104,9 @@ fn the_default_grain_has_the_area_and_the_hull_of_the_truth() {
     assert!(hull < 0.005, "the hull is off by {:.2} %", 100.0 * hull);
 }
 
-/// The default's scale in a picture that is quicker to make.
-const SMALL: &str = "[plan]\nsettle_ms = 0\n[simulated]\nwidth = 1000\nheight = 760\n";
+/// The default's scale in a picture that is quicker to make, and a mesh of which nothing is asked.
+const SMALL: &str = "[plan]\nsettle_ms = 0\n[report]\npictures = false\n[mesh]\nsurface_size_mm = 0.1\n\
+                     [simulated]\nwidth = 1000\nheight = 760\n";
 
 #[test]
 fn so_has_a_grain_in_another_light_before_another_lens() {

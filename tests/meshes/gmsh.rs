@@ -2,13 +2,10 @@
 //!
 //! Gmsh is asked through a Python that has it: `GRAINRIG_GMSH_PYTHON`, or `python3` on the path.
 
-#[path = "support/skip.rs"]
-mod skip;
-
+use crate::skip::{Lacking, skip};
 use grainrig_core::formats::msh;
 use grainrig_core::geometry::{Ball, Point};
 use grainrig_core::mesh::{Controls, mesh};
-use skip::{Lacking, skip};
 use std::process::Command;
 
 /// Prints the numbers of triangles and tetrahedra, the physical groups, the least quality (radius ratio) and the volume.

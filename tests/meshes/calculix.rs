@@ -1,12 +1,9 @@
 //! The decks that are written run in `CalculiX` and give the forces that mechanics gives.
 
-#[path = "support/skip.rs"]
-mod skip;
-
+use crate::skip::{Lacking, skip};
 use grainrig_core::formats::inp;
 use grainrig_core::geometry::{Ball, Point};
 use grainrig_core::mesh::{Controls, TetMesh, mesh};
-use skip::{Lacking, skip};
 use std::fs;
 use std::io::BufWriter;
 use std::path::Path;
@@ -61,7 +58,7 @@ fn bottom_reaction(grain: &TetMesh, band_mm: f64, held: &str) -> Option<[f64; 3]
     }
     let folder = tempfile::tempdir().unwrap();
     let file = BufWriter::new(fs::File::create(folder.path().join("grain.inp")).unwrap());
-    inp::write(grain, &["tests/calculix.rs".to_owned()], band_mm, file).unwrap();
+    inp::write(grain, &["tests/meshes/calculix.rs".to_owned()], band_mm, file).unwrap();
     Some(reactions(folder.path(), held, ["BOTTOM"])[0])
 }
 

@@ -1,14 +1,11 @@
 //! The volume of pinhole views' hulls of real grains, against a plain loop over all places of a fine lattice.
 
-#[path = "support/skip.rs"]
-mod skip;
-
+use crate::skip::shared_data;
 use grainrig::rig::simulated::{Settings, open};
 use grainrig_core::geometry::{Angle, Point};
 use grainrig_core::hull::{Cone, HullGrid, find_bounds};
 use grainrig_core::silhouette::{self, PedestalMode, Picture};
 use rayon::prelude::*;
-use skip::shared_data;
 use std::path::Path;
 use std::sync::Arc;
 

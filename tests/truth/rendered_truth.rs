@@ -1,14 +1,11 @@
 //! Silhouettes of rendered pictures against the projection of the very grain that was rendered. The data are not part
 //! of the project; where they are not there, each test says so and passes.
 
-#[path = "support/skip.rs"]
-mod skip;
-
+use crate::skip::shared_data;
 use grainrig_core::formats::decode;
 use grainrig_core::formats::stl;
 use grainrig_core::silhouette::{Picture, Segmentation, Settings, Source, find};
 use serde_json::Value;
-use skip::shared_data;
 use std::path::{Path, PathBuf};
 
 /// Lines measured in each row of pixels.
