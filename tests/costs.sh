@@ -8,7 +8,7 @@ if [ -n "${GRAINRIG_COSTS:-}" ]; then
 	[ -n "${NEXTEST_TEST_NAME:-}" ] || exec "$@"
 	own=$GRAINRIG_COSTS.$$
 	TIMEFORMAT='%U %S %R'
-	{ time "$@" 2>&3; } 3>&2 2> "$own"
+	{ time "$@" 2>&3 3>&-; } 3>&2 2> "$own"
 	code=$?
 	read -r user system wall < "$own"
 	rm "$own"
