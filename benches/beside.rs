@@ -11,7 +11,7 @@ mod jobs;
 mod sse;
 
 use grainrig::session::Recording;
-use grainrig::session::event::Happening;
+use grainrig::session::event::EventKind;
 use jobs::{Daemon, Lab};
 use serde_json::{Value, json};
 use std::time::SystemTime;
@@ -78,14 +78,14 @@ fn captured(lab: &Lab, daemon: &Daemon, name: &str) -> [f64; 2] {
     assert_eq!(code, 201, "{answer}");
     stream.until("complete");
     let session = Recording::read(&lab.data().join(name)).expect("the session");
-    let times = |is: fn(&Happening) -> bool| -> Vec<SystemTime> {
+    let times = |is: fn(&EventKind) -> bool| -> Vec<SystemTime> {
         session.events().iter().filter(|e| is(&e.what)).map(|e| SystemTime::from(e.time)).collect()
     };
     let seconds = |a: SystemTime, b: SystemTime| b.duration_since(a).map_or(0.0, |d| d.as_secs_f64());
-    let moves = times(|e| matches!(e, Happening::Moving { .. }));
+    let moves = times(|e| matches!(e, EventKind::Moving { .. }));
     let mut views: Vec<f64> = moves.windows(2).map(|w| seconds(w[0], w[1])).collect();
     views.sort_by(f64::total_cmp);
-    let from = times(|e| matches!(e, Happening::Started { .. }))[0];
-    let to = times(|e| matches!(e, Happening::Complete { .. }))[0];
+    let from = times(|e| matches!(e, EventKind::Started { .. }))[0];
+    let to = times(|e| matches!(e, EventKind::Complete { .. }))[0];
     [views[views.len() / 2], seconds(from, to)]
 }

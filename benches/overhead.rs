@@ -18,7 +18,7 @@ mod skip;
 use common::{median_s, rig, tell};
 use grainrig::rig::{Camera as _, RotationStage as _, simulated::open};
 use grainrig::session::Recording;
-use grainrig::session::event::Happening;
+use grainrig::session::event::EventKind;
 use grainrig_core::geometry::Angle;
 use ptp_camera::{Personality, PtpCamera, Served, Setup, speaks_ptpip};
 use std::io::Write as _;
@@ -125,11 +125,11 @@ fn captured(pictures: &Arc<Vec<Vec<u8>>>, (width, height): (usize, usize), gate:
         .expect("the program");
     assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
     let session = Recording::read(&data.join("a")).expect("the session");
-    let times = |of: fn(&Happening) -> bool| -> Vec<SystemTime> {
+    let times = |of: fn(&EventKind) -> bool| -> Vec<SystemTime> {
         session.events().iter().filter(|e| of(&e.what)).map(|e| SystemTime::from(e.time)).collect()
     };
-    let moves = times(|what| matches!(what, Happening::Moving { .. }));
-    let kept = times(|what| matches!(what, Happening::Captured { .. }));
+    let moves = times(|what| matches!(what, EventKind::Moving { .. }));
+    let kept = times(|what| matches!(what, EventKind::Captured { .. }));
     let (served, exposed) = (camera.served(), camera.exposed());
     assert_eq!((moves.len(), exposed.len()), (VIEWS, VIEWS), "a view was taken again");
     (1..VIEWS - 1).map(|n| view([moves[n], moves[n + 1], kept[n]], exposed[n], &served)).collect()

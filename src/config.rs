@@ -176,18 +176,18 @@ impl Config {
     /// # Errors
     /// [`ConfigError::Value`] names the first that does not, its limit and the remedy.
     pub fn check(&self) -> Result<(), ConfigError> {
-        fn said(error: impl std::fmt::Display) -> ConfigError {
+        fn value_error(error: impl std::fmt::Display) -> ConfigError {
             ConfigError::Value(error.to_string())
         }
         let doubts = self.doubts();
-        plausible::slips(&doubts, self.as_given).map_err(said)?;
-        self.plan.check().map_err(said)?;
-        self.optics.check().map_err(said)?;
-        self.computation().check().map_err(said)?;
-        self.stage().check().map_err(said)?;
+        plausible::slips(&doubts, self.as_given).map_err(value_error)?;
+        self.plan.check().map_err(value_error)?;
+        self.optics.check().map_err(value_error)?;
+        self.computation().check().map_err(value_error)?;
+        self.stage().check().map_err(value_error)?;
         self.check_release()?;
-        self.camera().check().map_err(said)?;
-        plausible::settle(doubts, self.as_given).map(|_| ()).map_err(said)
+        self.camera().check().map_err(value_error)?;
+        plausible::settle(doubts, self.as_given).map(|_| ()).map_err(value_error)
     }
 
     /// What of the figures no laboratory has. Sizes of elements are held against the grain's once that is known.
@@ -256,14 +256,14 @@ impl Config {
     /// # Errors
     /// [`ConfigError::Value`] for an unknown key or a value of the wrong kind or outside its limits.
     pub fn with(&self, overrides: serde_json::Map<String, serde_json::Value>) -> Result<Self, ConfigError> {
-        let said = |e: serde_json::Error| {
+        let unreadable = |e: serde_json::Error| {
             ConfigError::Value(format!(
                 "{e}; config/simulated.toml shows every key with its unit and default"
             ))
         };
-        let mut all = serde_json::to_value(self).map_err(said)?;
+        let mut all = serde_json::to_value(self).map_err(unreadable)?;
         merge(&mut all, serde_json::Value::Object(overrides));
-        let changed: Self = serde_json::from_value(all).map_err(said)?;
+        let changed: Self = serde_json::from_value(all).map_err(unreadable)?;
         changed.check()?;
         Ok(changed)
     }

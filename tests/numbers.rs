@@ -7,7 +7,7 @@
 mod kit;
 
 use grainrig::pipeline::{Cameras, Pipeline, Settings, TurntableSettings, View};
-use grainrig::session::event::{CapturedView, Happening, Role};
+use grainrig::session::event::{CapturedView, EventKind, Role};
 use grainrig::session::{check_finite, sha256_hex, to_json};
 use grainrig_core::geometry::Angle;
 use kit::Lab;
@@ -151,7 +151,7 @@ fn reconstructed(body: &[Ellipsoid], views: usize, levels: [f64; 2]) -> Result<s
     }
     drop(sender);
     let wrong = Mutex::new(Vec::new());
-    let observer = |what: Happening| {
+    let observer = |what: EventKind| {
         if let Err(e) = check_finite(&what) {
             wrong.lock().unwrap().push(e.to_string());
         }

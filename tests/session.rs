@@ -1,7 +1,7 @@
 //! The journal and the folder of a session: whatever happens to the bytes, what is read is what was written.
 
 use grainrig::rig::{Encoding, Frame, OtherFile};
-use grainrig::session::event::{CapturedView, Happening, Role};
+use grainrig::session::event::{CapturedView, EventKind, Role};
 use grainrig::session::import::{ImportRequest, scan};
 use grainrig::session::journal::{Chain, Decoder};
 use grainrig::session::{
@@ -46,20 +46,20 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-fn happening() -> impl Strategy<Value = Happening> {
+fn happening() -> impl Strategy<Value = EventKind> {
     let number = || -1e12..1e12f64;
     prop_oneof![
-        Just(Happening::Homed),
-        Just(Happening::Paused),
-        Just(Happening::Aborted),
-        (any::<String>(), any::<usize>()).prop_map(|(session, views)| Happening::Started {
+        Just(EventKind::Homed),
+        Just(EventKind::Paused),
+        Just(EventKind::Aborted),
+        (any::<String>(), any::<usize>()).prop_map(|(session, views)| EventKind::Started {
             session,
             views,
             already_captured: views / 2
         }),
-        (0..999usize, number()).prop_map(|(view, target_deg)| Happening::Moving { view, target_deg }),
+        (0..999usize, number()).prop_map(|(view, target_deg)| EventKind::Moving { view, target_deg }),
         (0..999usize, any::<String>(), number(), proptest::option::of(number())).prop_map(
-            |(view, file, deg, remaining_s)| Happening::Captured {
+            |(view, file, deg, remaining_s)| EventKind::Captured {
                 view: CapturedView {
                     view,
                     role: Role::Closing,
@@ -74,14 +74,14 @@ fn happening() -> impl Strategy<Value = Happening> {
             }
         ),
         (0..999usize, number(), proptest::collection::vec(any::<String>(), 0..3)).prop_map(
-            |(view, area_px, warnings)| Happening::Silhouette { view, area_px, verdict: None, warnings }
+            |(view, area_px, warnings)| EventKind::Silhouette { view, area_px, verdict: None, warnings }
         ),
-        any::<String>().prop_map(|error| Happening::Failed { error }),
+        any::<String>().prop_map(|error| EventKind::Failed { error }),
     ]
 }
 
 /// A journal's bytes, where each line ends, and the events as a reader gets them.
-fn written(happenings: Vec<Happening>) -> (Vec<u8>, Vec<usize>, Vec<Happening>) {
+fn written(happenings: Vec<EventKind>) -> (Vec<u8>, Vec<usize>, Vec<EventKind>) {
     let mut chain = Chain::new(b"manifest");
     let (mut bytes, mut ends, mut events) = (Vec::new(), vec![0], Vec::new());
     for what in happenings {
@@ -95,7 +95,7 @@ fn written(happenings: Vec<Happening>) -> (Vec<u8>, Vec<usize>, Vec<Happening>) 
 }
 
 /// What a reader gets: the events, whether there is damage, the whole bytes and those of a torn line.
-fn read_back(bytes: &[u8], chunk: usize) -> (Vec<Happening>, bool, u64, usize) {
+fn read_back(bytes: &[u8], chunk: usize) -> (Vec<EventKind>, bool, u64, usize) {
     let mut decoder = Decoder::new(Chain::new(b"manifest"));
     let (mut events, mut damaged) = (Vec::new(), false);
     for part in bytes.chunks(chunk.max(1)) {
@@ -264,11 +264,11 @@ fn an_event_that_could_not_be_read_back_is_refused_and_the_journal_goes_on() {
     let (_dir, store) = store();
     let mut session = store.create(&manifest(2)).unwrap();
     for bad in [f64::NAN, f64::INFINITY] {
-        let error = session.append(Happening::Moving { view: 0, target_deg: bad }).unwrap_err();
+        let error = session.append(EventKind::Moving { view: 0, target_deg: bad }).unwrap_err();
         assert!(matches!(error, SessionError::Unrecordable { .. }), "{error}");
     }
     session.record_frame(0, Angle::from_deg(f64::NAN), &frame(1), None).unwrap_err();
-    session.append(Happening::Homed).unwrap();
+    session.append(EventKind::Homed).unwrap();
     drop(session);
     let recording = store.read("a").unwrap();
     assert_eq!((recording.events().len(), recording.events()[0].seq), (1, 0));
@@ -365,15 +365,15 @@ fn journal_and_manifest_that_are_removed_in_mid_run_are_put_back_and_others_in_t
         let (_dir, store) = store();
         let mut session = store.create(&manifest(2)).unwrap();
         let path = session.recording().folder().join(file);
-        session.append(Happening::Homed).unwrap();
-        session.append(Happening::Moving { view: 0, target_deg: 0.0 }).unwrap();
+        session.append(EventKind::Homed).unwrap();
+        session.append(EventKind::Moving { view: 0, target_deg: 0.0 }).unwrap();
         std::fs::remove_file(&path).unwrap();
-        session.append(Happening::Paused).unwrap();
-        session.append(Happening::Resumed).unwrap();
+        session.append(EventKind::Paused).unwrap();
+        session.append(EventKind::Resumed).unwrap();
         assert_eq!(store.read("a").unwrap().events(), session.recording().events(), "{file}");
         std::fs::remove_file(&path).unwrap();
         std::fs::write(&path, b"another").unwrap();
-        let error = session.append(Happening::Paused).unwrap_err();
+        let error = session.append(EventKind::Paused).unwrap_err();
         assert!(matches!(error, SessionError::Replaced { .. }), "{error}");
         assert_eq!(std::fs::read(&path).unwrap(), b"another");
     }
@@ -447,21 +447,21 @@ fn the_state_is_what_the_last_event_that_begins_or_ends_something_says() {
     let (_dir, store) = store();
     let mut session = store.create(&manifest(2)).unwrap();
     assert_eq!(session.recording().state(), State::Created);
-    let started = || Happening::Started { session: "a".into(), views: 2, already_captured: 0 };
+    let started = || EventKind::Started { session: "a".into(), views: 2, already_captured: 0 };
     let products =
-        || Happening::Products { files: Vec::new(), timing_s: serde_json::Value::Null, settings: None };
+        || EventKind::Products { files: Vec::new(), timing_s: serde_json::Value::Null, settings: None };
     let steps = [
         (started(), State::Interrupted),
-        (Happening::Failed { error: "x".into() }, State::Failed),
+        (EventKind::Failed { error: "x".into() }, State::Failed),
         (started(), State::Interrupted),
-        (Happening::Aborted, State::Aborted),
-        (Happening::Homed, State::Interrupted),
-        (Happening::AcquisitionComplete { views: 2 }, State::Captured),
-        (Happening::Working { stage: "hull".into(), done: 0.5 }, State::Captured),
-        (Happening::Complete { result: serde_json::Value::Null }, State::Complete),
+        (EventKind::Aborted, State::Aborted),
+        (EventKind::Homed, State::Interrupted),
+        (EventKind::AcquisitionComplete { views: 2 }, State::Captured),
+        (EventKind::Working { stage: "hull".into(), done: 0.5 }, State::Captured),
+        (EventKind::Complete { result: serde_json::Value::Null }, State::Complete),
         // New products whose end is not recorded: a run was killed there.
         (products(), State::Captured),
-        (Happening::Complete { result: serde_json::Value::Null }, State::Complete),
+        (EventKind::Complete { result: serde_json::Value::Null }, State::Complete),
     ];
     for (what, state) in steps {
         session.append(what).unwrap();

@@ -88,7 +88,7 @@ impl Phase {
             Self::Moving { .. } => "move",
             Self::Settling { .. } => "settle",
             Self::Exposing { .. } => "expose",
-            Self::Storing { .. } => "wait for the picture's fate",
+            Self::Storing { .. } => "wait until the picture is stored or refused",
             Self::Paused => "pause",
             Self::Complete => "complete",
             Self::Aborted => "abort",

@@ -17,4 +17,4 @@ pub use error::{AcquireError, PlanError};
 pub use plan::PlanSettings;
 pub use quality::{AcquireSettings, QualityMode};
 pub use run::{Outcome, run};
-pub use sink::{Earlier, Fate, FrameSink, Judge, SessionSink};
+pub use sink::{Earlier, FrameSink, Judge, SessionSink, StoreOutcome};

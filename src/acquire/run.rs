@@ -3,9 +3,9 @@
 use super::clock::Clock;
 use super::control::{Control, Phase};
 use super::error::AcquireError;
-use super::sink::{Fate, FrameSink};
+use super::sink::{FrameSink, StoreOutcome};
 use crate::rig::{Camera, Frame, RigError, RotationStage};
-use crate::session::event::Happening;
+use crate::session::event::EventKind;
 use crate::session::picture::{Size, probe};
 use crate::session::{Plan, PlannedView, as_recorded};
 use grainrig_core::geometry::Angle;
@@ -65,18 +65,18 @@ pub fn run(
         let next = match phase {
             Phase::Complete => return Ok(Outcome::Complete { captured: run.captured }),
             Phase::Aborted => return Ok(Outcome::Aborted { captured: run.captured }),
-            _ => run
-                .span(phase)
-                .in_scope(|| run.checkpoint(phase).and_then(|stop| stop.map_or_else(|| run.told(phase), Ok))),
+            _ => run.span(phase).in_scope(|| {
+                run.checkpoint(phase).and_then(|stop| stop.map_or_else(|| run.announce(phase), Ok))
+            }),
         };
         phase = match next {
             Ok(phase) => phase,
             Err(error) => {
                 // A picture in hand is kept whatever ends the run. Where it can't be, that is what ended it: it would
                 // have, had the stage waited.
-                let error = run.fate().err().unwrap_or(error);
+                let error = run.settle().err().unwrap_or(error);
                 // Where the disk is what failed, this cannot be journalled; the error still reaches the caller.
-                let _ = run.sink.event(Happening::Failed { error: error.to_string() });
+                let _ = run.sink.event(EventKind::Failed { error: error.to_string() });
                 control.enter(Phase::Failed);
                 return Err(error);
             }
@@ -123,7 +123,7 @@ struct Run<'a> {
     size: Option<Size>,
     /// Where the stage stands, unless it is on its way.
     stands: Option<Stands>,
-    /// The picture whose fate is not known yet.
+    /// The picture of which it is not known yet whether it was stored.
     held: Option<Held<'a>>,
     /// The phase after [`Phase::Storing`]; the next view's where there is none.
     then: Option<Phase>,
@@ -156,11 +156,11 @@ impl Run<'_> {
         }
         if self.control.is_pausing() {
             let from = self.clock.now();
-            self.sink.event(Happening::Paused)?;
+            self.sink.event(EventKind::Paused)?;
             self.control.enter(Phase::Paused);
             self.control.wait_while_paused(self.retry.take());
             if !self.control.is_aborting() {
-                self.sink.event(Happening::Resumed)?;
+                self.sink.event(EventKind::Resumed)?;
                 self.control.enter(phase);
             }
             let now = self.clock.now();
@@ -171,7 +171,7 @@ impl Run<'_> {
             }
         }
         if self.control.is_aborting() {
-            self.sink.event(Happening::Aborted)?;
+            self.sink.event(EventKind::Aborted)?;
             return Ok(Some(Phase::Aborted));
         }
         Ok(None)
@@ -185,7 +185,7 @@ impl Run<'_> {
     }
 
     /// Does a phase's work, and has the log tell of it.
-    fn told(&mut self, phase: Phase) -> Result<Phase, AcquireError> {
+    fn announce(&mut self, phase: Phase) -> Result<Phase, AcquireError> {
         let from = self.clock.now();
         let next = self.step(phase);
         let ms = self.clock.now().saturating_sub(from).as_micros() as f64 / 1e3;
@@ -213,7 +213,7 @@ impl Run<'_> {
                     None => self.stage.home(),
                 };
                 homed.map_err(AcquireError::Home)?;
-                self.sink.event(Happening::Homed)?;
+                self.sink.event(EventKind::Homed)?;
                 self.next_view()?
             }
             Phase::Moving { view } => {
@@ -257,14 +257,14 @@ impl Run<'_> {
     }
 
     fn complete(&mut self) -> Result<Phase, AcquireError> {
-        self.sink.event(Happening::AcquisitionComplete { views: self.plan.views.len() })?;
+        self.sink.event(EventKind::AcquisitionComplete { views: self.plan.views.len() })?;
         Ok(Phase::Complete)
     }
 
     /// Turns to a view; the picture before it is looked at and stored meanwhile. Its event comes first: the journal's
     /// order does not depend on what takes longer.
     fn go_to(&mut self, view: usize, commanded_deg: f64) -> Result<(), AcquireError> {
-        self.sink.event(Happening::Moving { view, target_deg: commanded_deg })?;
+        self.sink.event(EventKind::Moving { view, target_deg: commanded_deg })?;
         self.offer();
         self.stands = None;
         let target = Angle::from_deg(commanded_deg);
@@ -321,7 +321,7 @@ impl Run<'_> {
 
     /// The run waits, and goes on with this view and all its tries.
     fn suspend(&mut self, view: usize, cause: String) -> Result<Phase, AcquireError> {
-        self.sink.event(Happening::Suspended { view, cause })?;
+        self.sink.event(EventKind::Suspended { view, cause })?;
         self.control.pause();
         self.bad = 0;
         Ok(Phase::Exposing { view, bad: 0 })
@@ -330,7 +330,7 @@ impl Run<'_> {
     /// A picture is no use: journalled with its cause. Pictures of this view so far.
     fn reject(&mut self, view: usize, bad: u32, cause: &str) -> Result<u32, AcquireError> {
         let tries = bad + 1;
-        self.sink.event(Happening::Rejected { view, tries: Some(tries), cause: cause.to_owned() })?;
+        self.sink.event(EventKind::Rejected { view, tries: Some(tries), cause: cause.to_owned() })?;
         Ok(tries)
     }
 
@@ -346,19 +346,19 @@ impl Run<'_> {
     }
 
     /// Waits until the picture in hand, where there is one, is durable or refused.
-    fn fate(&mut self) -> Result<Option<Refused>, AcquireError> {
+    fn settle(&mut self) -> Result<Option<Refused>, AcquireError> {
         self.offer();
         let Some(held) = self.held.take() else { return Ok(None) };
         let view = held.view.index;
-        match self.sink.verdict()? {
-            Fate::Kept => {
+        match self.sink.outcome()? {
+            StoreOutcome::Kept => {
                 self.captured += 1;
                 self.size = Some(held.size);
                 self.bad = 0;
                 self.camera.kept();
                 Ok(None)
             }
-            Fate::Refused(cause) => {
+            StoreOutcome::Refused(cause) => {
                 self.missing.push_front(held.view);
                 self.bad = self.reject(view, held.bad, &cause)?;
                 Ok(Some(Refused { view, cause }))
@@ -369,7 +369,7 @@ impl Run<'_> {
     /// Waits for the picture in hand. Where it is refused the stage goes back, and it is taken again.
     fn store(&mut self) -> Result<Phase, AcquireError> {
         let then = self.then.take();
-        let Some(Refused { view, cause }) = self.fate()? else {
+        let Some(Refused { view, cause }) = self.settle()? else {
             return then.map_or_else(|| self.next_view(), Ok);
         };
         if self.bad > self.plan.retakes {

@@ -1,7 +1,7 @@
 //! Where a run's pictures and events go.
 
 use crate::rig::Frame;
-use crate::session::event::{CapturedView, Happening};
+use crate::session::event::{CapturedView, EventKind};
 use crate::session::picture::{Size, probe};
 use crate::session::{PlannedView, Session, SessionError};
 use crate::trace::ms_since;
@@ -25,7 +25,7 @@ pub struct Earlier {
 
 /// What becomes of a picture.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Fate {
+pub enum StoreOutcome {
     /// It is durable.
     Kept,
     /// It is not kept and is to be taken again: value, unit, limit and remedy.
@@ -46,7 +46,7 @@ pub trait FrameSink {
     ///
     /// # Errors
     /// [`SessionError`] where it is good but not durable.
-    fn verdict(&mut self) -> Result<Fate, SessionError>;
+    fn outcome(&mut self) -> Result<StoreOutcome, SessionError>;
     /// A picture is no whole picture, or not like the others: it may be kept for whoever looks for the cause.
     fn refused(&mut self, view: &PlannedView, frame: &Frame) {
         let _ = (view, frame);
@@ -55,7 +55,7 @@ pub trait FrameSink {
     ///
     /// # Errors
     /// [`SessionError`] where it cannot be recorded.
-    fn event(&mut self, what: Happening) -> Result<(), SessionError>;
+    fn event(&mut self, what: EventKind) -> Result<(), SessionError>;
 }
 
 /// Looks at pictures before they are kept and takes those that are.
@@ -84,7 +84,7 @@ struct Offered {
 pub struct SessionSink<'scope> {
     session: Arc<Mutex<Session>>,
     offers: SyncSender<Offered>,
-    fates: Receiver<Result<Fate, SessionError>>,
+    outcomes: Receiver<Result<StoreOutcome, SessionError>>,
     /// Ends with `offers`.
     keeper: Option<ScopedJoinHandle<'scope, ()>>,
     /// A picture was offered of which nothing has been heard.
@@ -100,11 +100,11 @@ impl<'scope> SessionSink<'scope> {
     ) -> Self {
         // One picture may wait while the judge passes the one before on.
         let (offers, offered) = sync_channel(1);
-        let (tell, fates) = channel();
+        let (tell, outcomes) = channel();
         let keeps = Arc::clone(&session);
         let span = Span::current();
         let keeper = scope.spawn(move || span.in_scope(|| keep(&keeps, judge, &offered, &tell)));
-        Self { session, offers, fates, keeper: Some(keeper), waits: false }
+        Self { session, offers, outcomes, keeper: Some(keeper), waits: false }
     }
 }
 
@@ -118,21 +118,21 @@ fn keep(
     session: &Mutex<Session>,
     mut judge: impl Judge,
     offered: &Receiver<Offered>,
-    tell: &Sender<Result<Fate, SessionError>>,
+    tell: &Sender<Result<StoreOutcome, SessionError>>,
 ) {
     for Offered { view, reached, frame, remaining_s } in offered {
         let _within = debug_span!("view", index = view.index, angle_deg = view.angle_deg).entered();
         let begun = Instant::now();
-        let (fate, captured) = match judge.examine(&view, reached, &frame) {
+        let (outcome, captured) = match judge.examine(&view, reached, &frame) {
             Err(cause) => {
                 debug!(ms = ms_since(begun), outcome = "refused", cause, "store");
                 keep_rejected(session, &view, &frame);
-                (Ok(Fate::Refused(cause)), None)
+                (Ok(StoreOutcome::Refused(cause)), None)
             }
             Ok(seen) => match lock(session).record_frame(view.index, reached, &frame, remaining_s) {
                 Ok(captured) => {
                     debug!(ms = ms_since(begun), outcome = "kept", file = captured.file, "store");
-                    (Ok(Fate::Kept), Some((captured, seen)))
+                    (Ok(StoreOutcome::Kept), Some((captured, seen)))
                 }
                 Err(error) => {
                     debug!(ms = ms_since(begun), outcome = "failed", %error, "store");
@@ -141,7 +141,7 @@ fn keep(
             },
         };
         // Where the run is gone nobody wants to know; the picture is kept all the same.
-        let _ = tell.send(fate);
+        let _ = tell.send(outcome);
         if let Some((captured, seen)) = captured {
             judge.kept(captured, frame, seen);
         }
@@ -169,10 +169,10 @@ impl FrameSink for SessionSink<'_> {
             None => None,
         };
         let stands_deg = recording.events().iter().rev().find_map(|event| match event.what {
-            Happening::Moving { target_deg, .. } => Some(target_deg),
+            EventKind::Moving { target_deg, .. } => Some(target_deg),
             _ => None,
         });
-        let what = Happening::Started {
+        let what = EventKind::Started {
             session: recording.manifest().name.clone(),
             views: recording.manifest().plan.views.len(),
             already_captured: captured.len(),
@@ -187,13 +187,13 @@ impl FrameSink for SessionSink<'_> {
         let _ = self.offers.send(Offered { view: view.clone(), reached, frame, remaining_s });
     }
 
-    fn verdict(&mut self) -> Result<Fate, SessionError> {
+    fn outcome(&mut self) -> Result<StoreOutcome, SessionError> {
         let unheard = |reason: &str| SessionError::Unrecordable { reason: reason.to_owned() };
         if !std::mem::take(&mut self.waits) {
             return Err(unheard("a verdict was asked for on no picture"));
         }
-        if let Ok(fate) = self.fates.recv() {
-            return fate;
+        if let Ok(outcome) = self.outcomes.recv() {
+            return outcome;
         }
         // As if it had happened here.
         match self.keeper.take().map(ScopedJoinHandle::join) {
@@ -206,7 +206,7 @@ impl FrameSink for SessionSink<'_> {
         keep_rejected(&self.session, view, frame);
     }
 
-    fn event(&mut self, what: Happening) -> Result<(), SessionError> {
+    fn event(&mut self, what: EventKind) -> Result<(), SessionError> {
         lock(&self.session).append(what).map(|_| ())
     }
 }

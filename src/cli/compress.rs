@@ -40,7 +40,7 @@ pub(super) fn run(common: &Common, options: &CompressOptions) -> Result<()> {
     if common.json {
         return print_json(&CompressOptions::to_json(&result, folder)?);
     }
-    print(&told(&result, folder))
+    print(&summary(&result, folder))
 }
 
 /// What is done before the plates move: the bar, or where nobody sees one a line for each thing.
@@ -74,7 +74,7 @@ fn show(bar: &indicatif::ProgressBar, said: &mut Option<u32>, p: &CompressProgre
 }
 
 /// What a person reads.
-fn told(r: &CompressResult, folder: &Path) -> String {
+fn summary(r: &CompressResult, folder: &Path) -> String {
     let last = r.curve.last().copied().unwrap_or(CurvePoint { approach_mm: 0.0, force_n: 0.0 });
     let mut lines = vec![
         format!("grain      {}", r.settings.source),

@@ -12,7 +12,7 @@ pub(super) fn run(common: &Common) -> Result<()> {
     let findings = jobs::doctor(&config, &common.data, &mut |finding| {
         // A look at hardware takes seconds: each line comes when it is known.
         if !common.json && failed.is_ok() {
-            failed = print(&told(finding));
+            failed = print(&line(finding));
         }
     });
     failed?;
@@ -26,7 +26,7 @@ pub(super) fn run(common: &Common) -> Result<()> {
     Ok(())
 }
 
-fn told(finding: &Finding) -> String {
+fn line(finding: &Finding) -> String {
     let health = match finding.health {
         Health::Good => "good",
         Health::Doubtful => "doubtful",

@@ -3,13 +3,13 @@
 use crate::acquire::QualityMode;
 use crate::config::Config;
 use crate::jobs::{
-    Background, CaptureOptions, CompressHost, ErrorKind, Host, Job, JobError, NewsWatcher, PreviewPart,
+    Background, BackgroundWatcher, CaptureOptions, CompressHost, ErrorKind, Host, Job, JobError, PreviewPart,
     Previews, Watcher,
 };
 use crate::server::{
     Content, Download, EventFeed, KEPT_EVENTS, Refusal, RefusalKind, Rig, RunRequest, RunStarted,
 };
-use crate::session::event::{CompressionNews, Event, Happening, JobNews, News};
+use crate::session::event::{BackgroundEvent, CompressionUpdate, Event, EventKind, JobStatus};
 use crate::session::{Exchange, Hashes, Recording, SessionError, Summary, remove, sha256_hex};
 use grainrig_core::formats::Format;
 use serde_json::{Value, json};
@@ -47,15 +47,15 @@ impl LocalRig {
         let (push, hide) = (feed.clone(), places.clone());
         let watcher: Watcher = Arc::new(move |event: &Event| {
             let what = match &event.what {
-                Happening::Failed { error } => Happening::Failed { error: hide.hidden(error) },
+                EventKind::Failed { error } => EventKind::Failed { error: hide.hidden(error) },
                 what => what.clone(),
             };
             push.push(what, event.time);
         });
         let (push, hide) = (feed.clone(), places.clone());
-        let news: NewsWatcher = Arc::new(move |mut news| {
-            let (News::Compression(CompressionNews { error, .. }) | News::Job(JobNews { error, .. })) =
-                &mut news;
+        let news: BackgroundWatcher = Arc::new(move |mut news| {
+            let (BackgroundEvent::Compression(CompressionUpdate { error, .. })
+            | BackgroundEvent::Job(JobStatus { error, .. })) = &mut news;
             *error = error.as_deref().map(|error| hide.hidden(error));
             push.push(news, jiff::Timestamp::now());
         });

@@ -302,7 +302,7 @@ pub fn run() -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            let text = told(&error);
+            let text = with_causes(&error);
             output::say_error(&text);
             let kind = kind(&error);
             if common.json {
@@ -328,7 +328,7 @@ fn enough_files() -> Result<()> {
 }
 
 /// An error with its causes, each once: most messages hold their cause's words already.
-fn told(error: &anyhow::Error) -> String {
+fn with_causes(error: &anyhow::Error) -> String {
     let mut text = error.to_string();
     for cause in error.chain().skip(1).map(ToString::to_string) {
         if !text.contains(&cause) {

@@ -2,7 +2,7 @@
 
 use super::output::say;
 use crate::jobs::Watcher;
-use crate::session::event::{Event, Happening};
+use crate::session::event::{Event, EventKind};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -38,7 +38,7 @@ impl Progress {
     }
 }
 
-fn show(bar: &ProgressBar, last_stage: &Mutex<String>, what: &Happening) {
+fn show(bar: &ProgressBar, last_stage: &Mutex<String>, what: &EventKind) {
     // Where nobody sees a bar a plain line per view tells the same.
     let line = |text: String| {
         if bar.is_hidden() {
@@ -48,7 +48,7 @@ fn show(bar: &ProgressBar, last_stage: &Mutex<String>, what: &Happening) {
         }
     };
     match what {
-        Happening::Started { views, already_captured, session } => {
+        EventKind::Started { views, already_captured, session } => {
             bar.set_length(*views as u64);
             bar.set_position(*already_captured as u64);
             line(match already_captured {
@@ -57,7 +57,7 @@ fn show(bar: &ProgressBar, last_stage: &Mutex<String>, what: &Happening) {
                 n => format!("session {session}: {n} of {views} views are there, going on with the others"),
             });
         }
-        Happening::Captured { view, remaining_s } => {
+        EventKind::Captured { view, remaining_s } => {
             bar.inc(1);
             let (done, all) = (bar.position(), bar.length().unwrap_or(0));
             let left = remaining_s
@@ -65,19 +65,19 @@ fn show(bar: &ProgressBar, last_stage: &Mutex<String>, what: &Happening) {
                 .map_or_else(String::new, |s| format!(", about {} s left", s.ceil()));
             line(format!("view {} at {:.2}°: {done} of {all} captured{left}", view.view, view.reached_deg));
         }
-        Happening::Silhouette { view, warnings, .. } | Happening::Judged { view, warnings, .. } => {
+        EventKind::Silhouette { view, warnings, .. } | EventKind::Judged { view, warnings, .. } => {
             for w in warnings {
                 bar.suspend(|| say(format!("view {view}: {w}")));
             }
         }
-        Happening::Rejected { view, tries: Some(n), cause } => {
+        EventKind::Rejected { view, tries: Some(n), cause } => {
             bar.suspend(|| say(format!("view {view}: picture {n} is no good: {cause}")));
         }
-        Happening::Rejected { tries: None, cause, .. } => bar.suspend(|| say(cause)),
-        Happening::Hull { views, volume_mm3: Some(v) } if !bar.is_hidden() => {
+        EventKind::Rejected { tries: None, cause, .. } => bar.suspend(|| say(cause)),
+        EventKind::Hull { views, volume_mm3: Some(v) } if !bar.is_hidden() => {
             bar.set_message(format!("hull of {views} views: {v:.4} mm³"));
         }
-        Happening::Working { stage, done } => {
+        EventKind::Working { stage, done } => {
             let mut last = last_stage.lock().unwrap_or_else(PoisonError::into_inner);
             if *last != *stage {
                 last.clone_from(stage);
@@ -86,8 +86,8 @@ fn show(bar: &ProgressBar, last_stage: &Mutex<String>, what: &Happening) {
             bar.set_length(COMPUTATION);
             bar.set_position((done * COMPUTATION as f64) as u64);
         }
-        Happening::Paused => line("paused; the monitor resumes or aborts the run".into()),
-        Happening::Resumed => line("going on".into()),
+        EventKind::Paused => line("paused; the monitor resumes or aborts the run".into()),
+        EventKind::Resumed => line("going on".into()),
         _ => {}
     }
 }

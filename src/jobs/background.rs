@@ -4,8 +4,8 @@
 //! core that it wants; what is computed does not depend on either.
 
 use super::slot::{NotTaken, Over, Slot};
-use super::{JobError, NewsWatcher, ended};
-use crate::session::event::{JobKind, JobNews, JobState, News};
+use super::{BackgroundWatcher, JobError, ended};
+use crate::session::event::{BackgroundEvent, JobKind, JobState, JobStatus};
 use serde_json::Value;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -23,7 +23,7 @@ const EACH: Duration = Duration::from_millis(500);
 
 /// What a job is about.
 #[derive(Clone)]
-pub(super) struct About {
+pub(super) struct JobDescription {
     pub kind: JobKind,
     /// The session whose results it makes.
     pub session: String,
@@ -35,7 +35,7 @@ pub(super) struct About {
     pub called_off: Option<Arc<dyn Fn() + Send + Sync>>,
 }
 
-impl About {
+impl JobDescription {
     /// Whether it computes this compression.
     pub(super) fn is_compression(&self, session: &str, name: &str) -> bool {
         self.kind == JobKind::Compress && self.session == session && self.name.as_deref() == Some(name)
@@ -44,9 +44,9 @@ impl About {
 
 /// A job with its number.
 #[derive(Clone)]
-struct Numbered {
+struct QueuedJob {
     job: u64,
-    about: About,
+    about: JobDescription,
     /// Somebody, and not the end of the program, stopped it.
     cancelled: Arc<AtomicBool>,
 }
@@ -77,7 +77,7 @@ pub enum BackgroundError {
 
 /// How a job ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum End {
+pub(super) enum JobEnd {
     /// It did what it was to do.
     Done,
     /// It was stopped before its end.
@@ -85,12 +85,12 @@ pub(super) enum End {
 }
 
 /// What a job knows of its being stopped, and tells of its end.
-pub(super) struct Stopped {
+pub(super) struct StopState {
     over: Over,
     cancelled: Arc<AtomicBool>,
 }
 
-impl Stopped {
+impl StopState {
     /// Whether it was somebody, and not the end of the program.
     pub(super) fn by_somebody(&self) -> bool {
         self.cancelled.load(Ordering::Acquire)
@@ -104,8 +104,8 @@ impl Stopped {
 
 /// Computes jobs, one at a time.
 pub struct Background {
-    slot: Slot<Numbered>,
-    watcher: NewsWatcher,
+    slot: Slot<QueuedJob>,
+    watcher: BackgroundWatcher,
     next: AtomicU64,
     results: Results,
 }
@@ -115,7 +115,7 @@ type Results = Arc<Mutex<VecDeque<(u64, Value)>>>;
 
 impl Background {
     /// A place for jobs; `watcher` is told how each stands.
-    pub fn new(watcher: NewsWatcher) -> Self {
+    pub fn new(watcher: BackgroundWatcher) -> Self {
         Self {
             slot: Slot::new("computation", MOST_WAITING),
             watcher,
@@ -124,33 +124,34 @@ impl Background {
         }
     }
 
-    /// Begins a job or lets it wait; its number. `work` calls [`Stopped::over`] before it tells anybody of its end.
+    /// Begins a job or lets it wait; its number. `work` calls [`StopState::over`] before it tells anybody of its end.
     ///
     /// # Errors
     /// [`BackgroundError`], or that the system gives no thread.
     pub(super) fn queue(
         &self,
-        about: About,
-        work: impl FnOnce(&Stopped, &mut Teller) -> Result<End, String> + Send + 'static,
+        about: JobDescription,
+        work: impl FnOnce(&StopState, &mut JobReporter) -> Result<JobEnd, String> + Send + 'static,
     ) -> Result<u64, JobError> {
         let job = self.next.fetch_add(1, Ordering::Relaxed);
         let cancelled = Arc::new(AtomicBool::new(false));
-        let mut teller = Teller::new(job, &about, Arc::clone(&self.watcher), Arc::clone(&self.results));
+        let mut reporter =
+            JobReporter::new(job, &about, Arc::clone(&self.watcher), Arc::clone(&self.results));
         // Before it can begin: the feed is in the order of what happened.
-        teller.tell();
-        let mut withdrawn = teller.clone();
-        let numbered = Numbered { job, about, cancelled: Arc::clone(&cancelled) };
+        reporter.tell();
+        let mut withdrawn = reporter.clone();
+        let numbered = QueuedJob { job, about, cancelled: Arc::clone(&cancelled) };
         let taken = self.slot.queue(numbered, move |over| {
-            let stopped = Stopped { over: over.clone(), cancelled };
-            teller.state(JobState::Running);
+            let stopped = StopState { over: over.clone(), cancelled };
+            reporter.state(JobState::Running);
             let defect = "the computation ended by a defect of the program: please report it with the log";
-            let done = ended(defect, || in_background(|| work(&stopped, &mut teller)));
+            let done = ended(defect, || in_background(|| work(&stopped, &mut reporter)));
             stopped.over();
             match done {
-                Ok(End::Done) => teller.state(JobState::Complete),
-                Ok(End::Stopped) if stopped.by_somebody() => teller.state(JobState::Cancelled),
-                Ok(End::Stopped) => teller.state(JobState::Interrupted),
-                Err(error) => teller.failed(error),
+                Ok(JobEnd::Done) => reporter.state(JobState::Complete),
+                Ok(JobEnd::Stopped) if stopped.by_somebody() => reporter.state(JobState::Cancelled),
+                Ok(JobEnd::Stopped) => reporter.state(JobState::Interrupted),
+                Err(error) => reporter.failed(error),
             }
         });
         let error = match taken {
@@ -173,7 +174,7 @@ impl Background {
                 called_off();
             }
             let (watcher, results) = (Arc::clone(&self.watcher), Arc::clone(&self.results));
-            Teller::new(job, &waiting.about, watcher, results).state(JobState::Cancelled);
+            JobReporter::new(job, &waiting.about, watcher, results).state(JobState::Cancelled);
             return Ok(());
         }
         let running = self.slot.running().filter(|j| j.job == job).ok_or(BackgroundError::Absent)?;
@@ -190,19 +191,19 @@ impl Background {
     }
 
     /// The number of the job that goes on, where it is such a one.
-    pub(super) fn running(&self, is_such: impl Fn(&About) -> bool) -> Option<u64> {
+    pub(super) fn running(&self, is_such: impl Fn(&JobDescription) -> bool) -> Option<u64> {
         self.slot.running().filter(|j| is_such(&j.about)).map(|j| j.job)
     }
 
     /// Whether such a job waits.
-    pub(super) fn waits(&self, is_such: impl Fn(&About) -> bool) -> bool {
+    pub(super) fn waits(&self, is_such: impl Fn(&JobDescription) -> bool) -> bool {
         self.slot.waiting().iter().any(|j| is_such(&j.about))
     }
 
     /// Takes no more jobs, forgets those that wait, has the one that goes on stopped where that can be, and waits for its end,
     /// `limit` at most; whether it came.
     pub fn finish(&self, limit: Duration) -> bool {
-        let stop = |running: &Numbered| {
+        let stop = |running: &QueuedJob| {
             if let Some(stop) = &running.about.stop {
                 stop.store(true, Ordering::Release);
             }
@@ -213,16 +214,16 @@ impl Background {
 
 /// Tells the watcher of one job.
 #[derive(Clone)]
-pub(super) struct Teller {
-    watcher: NewsWatcher,
+pub(super) struct JobReporter {
+    watcher: BackgroundWatcher,
     results: Results,
-    next: JobNews,
+    next: JobStatus,
     told: Option<Instant>,
 }
 
-impl Teller {
-    fn new(job: u64, about: &About, watcher: NewsWatcher, results: Results) -> Self {
-        let next = JobNews {
+impl JobReporter {
+    fn new(job: u64, about: &JobDescription, watcher: BackgroundWatcher, results: Results) -> Self {
+        let next = JobStatus {
             job,
             kind: about.kind,
             session: about.session.clone(),
@@ -270,7 +271,7 @@ impl Teller {
     }
 
     fn tell(&mut self) {
-        (self.watcher)(News::Job(self.next.clone()));
+        (self.watcher)(BackgroundEvent::Job(self.next.clone()));
         self.told = Some(Instant::now());
     }
 }

@@ -6,7 +6,7 @@ use crate::rig::driver::{OpenCamera, OpenStage};
 use crate::rig::simulated;
 use crate::rig::{Before, Camera, RigError, RotationStage, TruthHandle, traced_camera, traced_stage};
 use crate::session::Recording;
-use crate::session::event::Happening;
+use crate::session::event::EventKind;
 use grainrig_core::geometry::Angle;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -37,9 +37,9 @@ pub(super) fn before(recording: &Recording) -> Before {
     let mut before = Before::default();
     for event in recording.events() {
         match &event.what {
-            Happening::Moving { .. } => before.moves += 1,
-            Happening::Captured { .. } | Happening::Rejected { .. } => before.exposures += 1,
-            Happening::Suspended { cause: text, .. } | Happening::Failed { error: text }
+            EventKind::Moving { .. } => before.moves += 1,
+            EventKind::Captured { .. } | EventKind::Rejected { .. } => before.exposures += 1,
+            EventKind::Suspended { cause: text, .. } | EventKind::Failed { error: text }
                 if of_camera(text) =>
             {
                 before.exposures += 1;

@@ -17,7 +17,7 @@ use grainrig_core::study::StudyError;
 use std::path::{Path, PathBuf};
 
 /// The first few faults, each with its remedy.
-fn told(faults: &[Fault]) -> String {
+fn first_faults(faults: &[Fault]) -> String {
     let mut lines: Vec<String> = faults.iter().take(3).map(ToString::to_string).collect();
     if faults.len() > 3 {
         lines.push(format!("and {} more, which `grainrig verify` names", faults.len() - 3));
@@ -35,7 +35,7 @@ pub enum JobError {
     #[error(transparent)]
     Session(#[from] SessionError),
     /// A session whose recorded files are not as recorded.
-    #[error("session {session} is damaged: {}", told(faults))]
+    #[error("session {session} is damaged: {}", first_faults(faults))]
     Damaged {
         /// The session's name.
         session: String,

@@ -3,7 +3,7 @@
 use super::JobError;
 use crate::pipeline::MeshSettings;
 use crate::pipeline::{CONVERGENCE, PipelineError, Product, Reconstruction, ResultFile, SHEET, products};
-use crate::session::event::{Event, Happening, ProductRecord};
+use crate::session::event::{Event, EventKind, ProductRecord};
 use crate::session::{Recording, Session, read_inside, sha256_hex, to_json};
 use std::collections::BTreeMap;
 use std::io::Write as _;
@@ -98,11 +98,11 @@ pub(super) fn write(
 /// Whether the newest products are journalled, and that all is done is not: a run was killed between the two.
 pub(super) fn lacks_end(recording: &Recording) -> bool {
     let of = |e: &Event| match e.what {
-        Happening::Products { .. } => Some(true),
-        Happening::Complete { .. }
-        | Happening::Failed { .. }
-        | Happening::Aborted
-        | Happening::Started { .. } => Some(false),
+        EventKind::Products { .. } => Some(true),
+        EventKind::Complete { .. }
+        | EventKind::Failed { .. }
+        | EventKind::Aborted
+        | EventKind::Started { .. } => Some(false),
         _ => None,
     };
     recording.events().iter().rev().find_map(of).unwrap_or(false)
@@ -117,7 +117,7 @@ pub(super) fn end(session: &mut Session) -> Result<(), JobError> {
     let Some(record) = recording.products().find(|p| p.file == RESULT) else { return Ok(()) };
     let text = read_inside(recording.folder(), &format!("products/{RESULT}"), record.bytes)?;
     let result = serde_json::from_slice(&text).map_err(|e| JobError::Encode(e.to_string()))?;
-    session.append(Happening::Complete { result })?;
+    session.append(EventKind::Complete { result })?;
     let folder = session.recording().folder().display();
     tracing::warn!("{folder}: a run was killed before it recorded its end; the session is complete now");
     Ok(())

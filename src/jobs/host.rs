@@ -1,12 +1,12 @@
 //! The rig's one job at a time, begun by one client and watched by all.
 
-use super::live::{Begun, TakenUp, begin, take_up};
+use super::capturing::{PreparedRun, Resumption, begin, take_up};
 use super::slot::{NotTaken, Over, Slot};
 use super::{CaptureOptions, Context, DeviceLine, Finding, JobError, Names, Watcher, devices, doctor, ended};
 use crate::acquire::{Control, Phase, QualityMode};
 use crate::config::Config;
 use crate::session::Store;
-use crate::session::event::{Event, Happening};
+use crate::session::event::{Event, EventKind};
 use std::path::PathBuf;
 use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
@@ -78,11 +78,11 @@ impl Host {
         self.carry_on(name, || {
             let folder = self.store().folder(name)?;
             match take_up(&folder, quality)? {
-                TakenUp::Run(begun) => Ok(*begun),
-                TakenUp::Nothing(_) => Err(JobError::NotNow(
+                Resumption::Run(begun) => Ok(*begun),
+                Resumption::Nothing(_) => Err(JobError::NotNow(
                     "the session is complete, nothing is left to do; start a run of another name",
                 )),
-                TakenUp::Again { .. } | TakenUp::Merge(_) => Err(JobError::NotNow(
+                Resumption::Again { .. } | Resumption::Merge(_) => Err(JobError::NotNow(
                     "its views are complete and its products are to be made again; `grainrig resume` does that",
                 )),
             }
@@ -93,7 +93,7 @@ impl Host {
     fn carry_on(
         &self,
         name: &str,
-        begin: impl FnOnce() -> Result<Begun, JobError>,
+        begin: impl FnOnce() -> Result<PreparedRun, JobError>,
     ) -> Result<String, JobError> {
         let _at_the_rig = self.rig_alone()?;
         let free = self.slot.free()?;
@@ -213,12 +213,12 @@ impl From<NotTaken<Run>> for JobError {
 
 /// Runs, and makes sure that the watchers are told of an end, whatever it is. `first_told` hears when they were told of the
 /// run's first event.
-fn carry_out(begun: Begun, control: &Control, over: &Over, watcher: &Watcher, first_told: Sender<()>) {
+fn carry_out(begun: PreparedRun, control: &Control, over: &Over, watcher: &Watcher, first_told: Sender<()>) {
     let (tell, first) = (Arc::clone(watcher), Mutex::new(Some(first_told)));
     let is_over = over.clone();
     let watcher: Watcher = Arc::new(move |event: &Event| {
         // First, so that whoever is told may begin the next run.
-        if matches!(event.what, Happening::Complete { .. } | Happening::Failed { .. } | Happening::Aborted) {
+        if matches!(event.what, EventKind::Complete { .. } | EventKind::Failed { .. } | EventKind::Aborted) {
             is_over.set();
         }
         tell(event);
@@ -234,6 +234,6 @@ fn carry_out(begun: Begun, control: &Control, over: &Over, watcher: &Watcher, fi
     tracing::warn!("{error}");
     // A journal that can't be written can't tell of the end.
     if !over.is_set() {
-        watcher(&Event { seq: 0, time: jiff::Timestamp::now(), what: Happening::Failed { error } });
+        watcher(&Event { seq: 0, time: jiff::Timestamp::now(), what: EventKind::Failed { error } });
     }
 }

@@ -7,7 +7,7 @@ use super::{Context, JobError, Watcher};
 use crate::pipeline::{
     self, Merged, MeshSettings, Pipeline, PipelineError, Product, ResultFile, SeenPose, Settings,
 };
-use crate::session::event::Happening;
+use crate::session::event::EventKind;
 use crate::session::{Manifest, MergeSource, Origin, Plan, Recording, SessionError, Store, check_name};
 use crate::trace;
 use serde::{Deserialize, Serialize};
@@ -112,7 +112,7 @@ fn merged(
     }
     let mut staged = Store::new(data).stage(&manifest)?;
     let session = staged.session();
-    let started = Happening::Started { session: name.clone(), views: 0, already_captured: 0 };
+    let started = EventKind::Started { session: name.clone(), views: 0, already_captured: 0 };
     session.append(started)?;
     let Finished { files, .. } = record(session, &made, mesh.as_ref())?;
     let session = staged.publish()?;
@@ -237,7 +237,7 @@ fn seen(recording: &Recording, told: &Numbered) -> Result<(Posed, Settings), Job
     let (_, mut pipeline): (_, Pipeline) = computation(recording)?;
     pipeline.settings.report.pictures = false;
     let views = recording.views().len();
-    told.tell(Happening::Started { session: name.clone(), views, already_captured: views });
+    told.tell(EventKind::Started { session: name.clone(), views, already_captured: views });
     let pose = fed(recording, |views| pipeline.pose(&name, views, &|what| told.tell(what)))?;
     Ok((Posed { name, pose }, pipeline.settings))
 }

@@ -7,6 +7,7 @@
 //! ```
 
 mod background;
+mod capturing;
 mod compressing;
 mod devices;
 mod doctor;
@@ -15,14 +16,13 @@ mod finish;
 mod focus;
 mod host;
 mod importing;
+mod job;
 mod kind;
-mod live;
 mod merging;
 mod mesh_files;
 mod meshing;
 mod names;
 mod preview;
-mod recompute;
 mod recorded;
 mod scale_file;
 mod scaling;
@@ -30,6 +30,7 @@ mod slot;
 mod studying;
 
 pub use background::{Background, BackgroundError};
+pub use capturing::{CaptureOptions, ResumeOptions, Resumed, capture, resume};
 pub use compressing::{
     Claim, CompressDetails, CompressFile, CompressHost, CompressInput, CompressLine, CompressMaterial,
     CompressOptions, CompressProgress, CompressRequest, CompressResult, CompressSettings, CompressState,
@@ -42,21 +43,20 @@ pub use finish::{Finished, RESULT};
 pub use focus::{Focused, focus};
 pub use host::Host;
 pub use importing::{ImportGeometry, ImportOptions, import};
+pub use job::Job;
 pub use kind::ErrorKind;
-pub use live::{CaptureOptions, ResumeOptions, Resumed, capture, resume};
 pub use merging::{MergeOptions, merge};
 pub use mesh_files::{Unit, ending as file_ending};
 pub use meshing::{MeshOptions, MeshPreset, Meshed, MeshedFile};
 pub use names::Names;
 pub use preview::{Preview, PreviewPart, Previews};
-pub use recompute::Job;
 pub use recorded::{ReconstructOptions, ReplayOptions, Replayed, VerifyOptions, reconstruct, replay};
 pub use scale_file::{BodyKind, GivenScale, PictureScale, ScaleFile};
 pub use scaling::{Angles, ScaleOptions, ScaleRequest, calibrate_scale};
 pub use studying::{Studied, StudyOptions};
 
 use crate::config::Config;
-use crate::session::event::{Event, Happening, News};
+use crate::session::event::{BackgroundEvent, Event, EventKind};
 use serde_json::Value;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -84,7 +84,7 @@ pub fn stated(mut result: Value) -> Value {
 pub type Watcher = Arc<dyn Fn(&Event) + Send + Sync>;
 
 /// Told of what goes on beside the runs. It must not block.
-pub type NewsWatcher = Arc<dyn Fn(News) + Send + Sync>;
+pub type BackgroundWatcher = Arc<dyn Fn(BackgroundEvent) + Send + Sync>;
 
 /// What a job has of its surroundings, whoever asked for it.
 #[derive(Clone)]
@@ -104,7 +104,7 @@ pub struct Context {
 impl Context {
     /// Tells what is being done, and how much of that is done, 0 to 1.
     pub(crate) fn working(&self, stage: &str, done: f64) {
-        let what = Happening::Working { stage: stage.into(), done };
+        let what = EventKind::Working { stage: stage.into(), done };
         (self.watcher)(&Event { seq: 0, time: jiff::Timestamp::now(), what });
     }
 }

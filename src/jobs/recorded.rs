@@ -2,11 +2,11 @@
 
 use super::finish::{self, Finished, Made};
 use super::{Context, JobError, Watcher, merging};
-use crate::acquire::{self, Control, Earlier, Fate, FrameSink, Outcome, QualityMode, SystemClock};
+use crate::acquire::{self, Control, Earlier, FrameSink, Outcome, QualityMode, StoreOutcome, SystemClock};
 use crate::config::Config;
 use crate::pipeline::{Cameras, MeshSettings, OUTLINE, Pipeline, PipelineError, Reconstruction, View};
 use crate::rig::Frame;
-use crate::session::event::{Event, Happening};
+use crate::session::event::{Event, EventKind};
 use crate::session::replay::replay as play;
 use crate::session::{
     Origin, Plan, PlannedView, Recording, Session, SessionError, VerifyReport, to_json_value, verify,
@@ -234,7 +234,7 @@ pub(super) fn check_views(recording: &Recording) -> Result<(), JobError> {
 }
 
 /// What is known of the newest products.
-pub(super) struct MadeBefore {
+pub(super) struct PriorProducts {
     /// Their timing.
     pub timing_s: serde_json::Value,
     /// The mesh that was asked for otherwise than the frozen configuration says.
@@ -244,9 +244,9 @@ pub(super) struct MadeBefore {
 }
 
 /// What is known of the newest products, where there are any.
-pub(super) fn made_before(recording: &Recording) -> Result<Option<MadeBefore>, JobError> {
+pub(super) fn prior_products(recording: &Recording) -> Result<Option<PriorProducts>, JobError> {
     let newest = recording.events().iter().rev().find_map(|e| match &e.what {
-        Happening::Products { files, timing_s, settings } => Some((files, timing_s, settings)),
+        EventKind::Products { files, timing_s, settings } => Some((files, timing_s, settings)),
         _ => None,
     });
     let Some((files, timing_s, settings)) = newest else { return Ok(None) };
@@ -257,7 +257,7 @@ pub(super) fn made_before(recording: &Recording) -> Result<Option<MadeBefore>, J
     };
     let mesh = settings.as_ref().map(|s| serde_json::from_value(s.clone()).map_err(frozen)).transpose()?;
     let pictures = files.iter().any(|f| f.file.starts_with(OUTLINE));
-    Ok(Some(MadeBefore { timing_s: timing_s.clone(), mesh, pictures }))
+    Ok(Some(PriorProducts { timing_s: timing_s.clone(), mesh, pictures }))
 }
 
 /// Runs the pipeline over the recorded views, journalling what happens.
@@ -289,7 +289,7 @@ pub(super) fn joined<T>(thread: ScopedJoinHandle<'_, T>) -> T {
 }
 
 /// Journals an event of the computation; a journal that can't be written ends the job at its next durable step.
-pub(super) fn note(session: &Mutex<Session>, what: Happening) {
+pub(super) fn note(session: &Mutex<Session>, what: EventKind) {
     if let Err(error) = lock(session).append(what) {
         tracing::warn!("{error}");
     }
@@ -307,7 +307,7 @@ pub(super) fn conclude(
 ) -> Result<Finished, JobError> {
     let written = outcome.and_then(|made| record(&mut lock(session), &made, mesh));
     if let Err(error) = &written {
-        note(session, Happening::Failed { error: error.to_string() });
+        note(session, EventKind::Failed { error: error.to_string() });
     }
     written
 }
@@ -327,7 +327,7 @@ pub(super) fn record(
     let records = finish::write(session, &files, timing, mesh)?;
     let folder = session.recording().folder().to_owned();
     let done = finish::finished(made, &manifest.software, &folder, &manifest.name, records);
-    session.append(Happening::Complete { result })?;
+    session.append(EventKind::Complete { result })?;
     Ok(done)
 }
 
@@ -381,26 +381,26 @@ fn replayed(folder: &Path, watcher: &Watcher) -> Result<Replayed, JobError> {
         finish::end(&mut session)?;
         recording = session.recording().clone();
     }
-    let made_before = made_before(&recording)?;
+    let prior_products = prior_products(&recording)?;
     if recording.manifest().origin == Origin::Merge {
-        let mesh = made_before.as_ref().and_then(|before| before.mesh.as_ref());
+        let mesh = prior_products.as_ref().and_then(|before| before.mesh.as_ref());
         let (made, _) = merging::again(&recording, mesh, watcher)?;
-        return compared(&recording, &made, made_before, watcher);
+        return compared(&recording, &made, prior_products, watcher);
     }
-    let made = played(&recording, made_before.as_ref(), watcher)?;
-    compared(&recording, &made, made_before, watcher)
+    let made = played(&recording, prior_products.as_ref(), watcher)?;
+    compared(&recording, &made, prior_products, watcher)
 }
 
 /// Sends the recorded pictures through acquisition and computation.
 fn played(
     recording: &Recording,
-    made_before: Option<&MadeBefore>,
+    prior_products: Option<&PriorProducts>,
     watcher: &Watcher,
 ) -> Result<Reconstruction, JobError> {
     let plan = Plan { settle_ms: 0, retakes: 0, ..recording.manifest().plan.clone() };
     check_views(recording)?;
     let (_, mut pipeline) = computation(recording)?;
-    if let Some(before) = made_before {
+    if let Some(before) = prior_products {
         if let Some(mesh) = &before.mesh {
             pipeline.settings.mesh = mesh.clone();
         }
@@ -435,11 +435,11 @@ fn played(
 fn compared(
     recording: &Recording,
     made: &dyn Made,
-    made_before: Option<MadeBefore>,
+    prior_products: Option<PriorProducts>,
     watcher: &Watcher,
 ) -> Result<Replayed, JobError> {
     let folder = recording.folder();
-    let Some(MadeBefore { timing_s, .. }) = made_before else {
+    let Some(PriorProducts { timing_s, .. }) = prior_products else {
         let mut session = Session::open(folder)?;
         let watch = Arc::clone(watcher);
         session.observe(move |e| watch(e));
@@ -468,7 +468,7 @@ impl<'a> Numbered<'a> {
         Self { next: Mutex::new(1), watcher }
     }
 
-    pub fn tell(&self, what: Happening) {
+    pub fn tell(&self, what: EventKind) {
         // Locked over the call, so that the events come in order.
         let mut next = self.next.lock().unwrap_or_else(PoisonError::into_inner);
         (self.watcher)(&Event { seq: *next, time: jiff::Timestamp::now(), what });
@@ -486,7 +486,7 @@ struct ReplaySink<'a> {
 impl FrameSink for ReplaySink<'_> {
     fn begin(&mut self) -> Result<Earlier, SessionError> {
         let manifest = self.recording.manifest();
-        self.numbered.tell(Happening::Started {
+        self.numbered.tell(EventKind::Started {
             session: manifest.name.clone(),
             views: manifest.plan.views.len(),
             already_captured: 0,
@@ -497,16 +497,16 @@ impl FrameSink for ReplaySink<'_> {
     fn offer(&mut self, view: &PlannedView, _: Angle, frame: Frame, remaining_s: Option<f64>) {
         // Every view of the plan is recorded, which is seen to before a replay begins.
         let Some(captured) = self.recording.view(view.index) else { return };
-        self.numbered.tell(Happening::Captured { view: captured.clone(), remaining_s });
+        self.numbered.tell(EventKind::Captured { view: captured.clone(), remaining_s });
         // A pipeline that has failed takes no more; its error is what the replay returns.
         let _ = self.send.send(View::recorded(captured, frame.bytes));
     }
 
-    fn verdict(&mut self) -> Result<Fate, SessionError> {
-        Ok(Fate::Kept)
+    fn outcome(&mut self) -> Result<StoreOutcome, SessionError> {
+        Ok(StoreOutcome::Kept)
     }
 
-    fn event(&mut self, what: Happening) -> Result<(), SessionError> {
+    fn event(&mut self, what: EventKind) -> Result<(), SessionError> {
         self.numbered.tell(what);
         Ok(())
     }

@@ -3,7 +3,7 @@
 use super::products::of_mesh;
 use super::result::{HullMethod, HullResult, MeshResult, ResultFile, ViewResult};
 use super::{Observer, PipelineError, Product, SeenPose, Settings};
-use crate::session::event::Happening;
+use crate::session::event::EventKind;
 use grainrig_core::geometry::{Aabb, Point};
 use grainrig_core::hull::{Cone, HullError, HullGrid, VisualHull, silhouette_iou};
 use grainrig_core::mesh::{Controls, TetMesh, mesh};
@@ -137,7 +137,7 @@ pub fn merge(
     names: [&str; 2],
     observer: &Observer,
 ) -> Result<Merged, PipelineError> {
-    let working = |stage: &str, done: f64| observer(Happening::Working { stage: stage.into(), done });
+    let working = |stage: &str, done: f64| observer(EventKind::Working { stage: stage.into(), done });
     working("register", 0.0);
     let registration = register(&a.pose, &b.pose, &mut |done| working("register", done))?;
     let motion = registration.motion;

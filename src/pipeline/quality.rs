@@ -4,7 +4,7 @@
 use super::reconstruct::SegmentedView;
 use super::stream::SegmentedPicture;
 use super::{Cameras, Observer, Pipeline, PipelineError, View};
-use crate::session::event::Happening;
+use crate::session::event::EventKind;
 use grainrig_core::geometry::Angle;
 use grainrig_core::silhouette::{Check, Traits, Verdict, ViewQuality, ViewTraits, against, between};
 
@@ -38,7 +38,7 @@ pub(super) fn compare(
             checks.iter().filter(|c| c.verdict != Verdict::Good).map(Check::sentence).collect();
         quality.add(checks);
         if !warnings.is_empty() {
-            observer(Happening::Judged { view: view.index, verdict: quality.verdict, warnings });
+            observer(EventKind::Judged { view: view.index, verdict: quality.verdict, warnings });
         }
     }
     let mut told: Vec<String> = (segmented.iter())

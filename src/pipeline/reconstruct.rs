@@ -5,7 +5,7 @@ use super::convergence::convergence;
 use super::pedestal::contact_patch;
 use super::result::{AxisResult, HullMethod, HullResult, MeshResult, ResultFile, Timing, ViewResult};
 use super::{Cameras, LengthUnit, Observer, PipelineError, Product, Settings, TurntableSettings, pictures};
-use crate::session::event::{Happening, Role};
+use crate::session::event::{EventKind, Role};
 use grainrig_core::calibrate::{Calibration, Turntable};
 use grainrig_core::geometry::Angle;
 use grainrig_core::hull::estimate::{Known, estimate};
@@ -160,7 +160,7 @@ pub(super) fn reconstruct(
     (consensus, mut warnings): (Option<PedestalConsensus>, Vec<String>),
     observer: &Observer,
 ) -> Result<Reconstruction, PipelineError> {
-    let working = |stage: &str, done: f64| observer(Happening::Working { stage: stage.into(), done });
+    let working = |stage: &str, done: f64| observer(EventKind::Working { stage: stage.into(), done });
 
     working("calibrate", 0.0);
     let start = Instant::now();

@@ -164,7 +164,7 @@ impl HullResult {
             volume_estimate_mm3: estimate.and_then(|e| stated(e.volume_mm3)),
             volume_interval_mm3: estimate.filter(|_| metric).map(|e| e.interval_mm3),
             volume_unknown: unknown,
-            volume_says: estimate.map_or_else(Vec::new, |e| e.shares.iter().map(said).collect()),
+            volume_says: estimate.map_or_else(Vec::new, |e| e.shares.iter().map(share_line).collect()),
             volume_signs: estimate.and_then(|e| e.signs),
             method,
             voxel_volume_mm3: stated(v.volume_mm3),
@@ -182,7 +182,7 @@ impl HullResult {
 }
 
 /// A part of the interval in words.
-fn said(share: &Share) -> String {
+fn share_line(share: &Share) -> String {
     let [below, above] = share.percent;
     if below == 0.0 && above == 0.0 {
         return share.what.clone();

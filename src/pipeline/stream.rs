@@ -4,7 +4,7 @@ use super::pedestal;
 use super::quality::compare;
 use super::reconstruct::{Reconstruction, SegmentedView, provisional_camera, reconstruct};
 use super::{Cameras, PipelineError, Settings, ViewFault};
-use crate::session::event::{CapturedView, Happening, Role};
+use crate::session::event::{CapturedView, EventKind, Role};
 use crate::trace::ms_since;
 use grainrig_core::calibrate::Turntable;
 use grainrig_core::formats::Photograph;
@@ -24,7 +24,7 @@ const LIVE_CELLS: f64 = 96.0;
 const WAITING_RESULTS: usize = 2;
 
 /// Told of what happens, from any thread.
-pub type Observer<'a> = dyn Fn(Happening) + Sync + 'a;
+pub type Observer<'a> = dyn Fn(EventKind) + Sync + 'a;
 
 /// A view's place in the order of arrival, its index, and what became of it.
 type Outcome = (usize, usize, Result<SegmentedView, PipelineError>);
@@ -167,7 +167,7 @@ impl Pipeline {
                 while let Some((view, one)) = early.remove(&segmented.len()) {
                     let one = one.inspect_err(|error| {
                         // Said at once: the run goes on, and ends with this error.
-                        observer(Happening::Rejected { view, tries: None, cause: error.to_string() });
+                        observer(EventKind::Rejected { view, tries: None, cause: error.to_string() });
                     })?;
                     self.accept(one, &mut segmented, &mut live, observer)?;
                 }
@@ -198,7 +198,7 @@ impl Pipeline {
         }
         let mut warnings = one.found.report.warnings.clone();
         warnings.extend(one.quality.iter().flat_map(ViewQuality::warnings));
-        observer(Happening::Silhouette {
+        observer(EventKind::Silhouette {
             view: one.index,
             area_px: one.found.report.area_px,
             verdict: one.quality.as_ref().map(|q| q.verdict),
@@ -314,7 +314,7 @@ impl Live {
             grid.carve(&Cone::new(camera.view(angle, 0.0), Arc::clone(&view.silhouette)));
             // One view bounds nothing along its own direction.
             let volume_mm3 = (grid.views() > 1).then(|| grid.measures().volume_mm3);
-            observer(Happening::Hull { views: grid.views(), volume_mm3 });
+            observer(EventKind::Hull { views: grid.views(), volume_mm3 });
         }
         Ok(())
     }

@@ -157,7 +157,7 @@ impl Finding {
 
     /// A run will not go well.
     pub fn bad(check: &'static str, error: &RigError) -> Self {
-        let (found, remedy) = error.told();
+        let (found, remedy) = error.cause_and_remedy();
         Self { check, health: Health::Bad, found, remedy }
     }
 }

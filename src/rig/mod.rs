@@ -196,7 +196,7 @@ impl RigError {
     }
 
     /// What failed, with value and limit; and what to do, where that is known.
-    pub fn told(&self) -> (String, Option<String>) {
+    pub fn cause_and_remedy(&self) -> (String, Option<String>) {
         let told = |cause: String, remedy: &str| (cause, Some(remedy.to_owned()));
         match self {
             Self::OutOfLimits { asked, low, high } => told(

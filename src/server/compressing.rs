@@ -14,7 +14,7 @@ use super::error::{ErrorBody, ServerError};
 use super::routes::{App, FILE_NAME_LIMIT, SESSION_NAME_LIMIT, check_name, on_rig};
 use super::{Download, Refusal, schemas};
 use crate::jobs::CompressRequest;
-use crate::session::event::{CompressionNews, CompressionState};
+use crate::session::event::{CompressionState, CompressionUpdate};
 use grainrig_core::contact::CurvePoint;
 
 /// Points of the curve that are kept; a compression has some hundreds.
@@ -97,7 +97,7 @@ pub struct CompressionStatus {
 
 impl CompressionStatus {
     /// What `before` and the news after it make together.
-    pub(super) fn after(before: Option<Self>, news: &CompressionNews) -> Self {
+    pub(super) fn after(before: Option<Self>, news: &CompressionUpdate) -> Self {
         let same = before.filter(|b| b.session == news.session && b.name == news.name);
         let mut curve = same.map_or_else(Vec::new, |b| b.curve);
         curve.truncate(news.from);

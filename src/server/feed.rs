@@ -138,7 +138,7 @@ impl Subscription {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::session::event::{Happening, JobKind, JobNews, JobState, News};
+    use crate::session::event::{BackgroundEvent, EventKind, JobKind, JobState, JobStatus};
 
     fn feed(first: u64, keep: usize) -> EventFeed {
         EventFeed::new(first, NonZeroUsize::new(keep).unwrap())
@@ -146,13 +146,13 @@ mod tests {
 
     fn push(feed: &EventFeed, count: usize) {
         for view in 0..count {
-            feed.push(Happening::Moving { view, target_deg: 0.0 }, Timestamp::UNIX_EPOCH);
+            feed.push(EventKind::Moving { view, target_deg: 0.0 }, Timestamp::UNIX_EPOCH);
         }
     }
 
     #[test]
     fn what_goes_on_beside_a_run_is_told_as_a_runs_events_are_and_no_journal_reads_it() {
-        let job = JobNews {
+        let job = JobStatus {
             job: 1,
             kind: JobKind::Replay,
             session: "quartz".into(),
@@ -164,9 +164,9 @@ mod tests {
         };
         let feed = feed(7, 4);
         let told = |event: &Event<FeedEvent>| serde_json::to_string(event).unwrap();
-        let homed = feed.push(Happening::Homed, Timestamp::UNIX_EPOCH);
+        let homed = feed.push(EventKind::Homed, Timestamp::UNIX_EPOCH);
         assert_eq!(told(&homed), r#"{"seq":7,"time":"1970-01-01T00:00:00Z","event":"homed"}"#);
-        let queued = feed.push(News::Job(job), Timestamp::UNIX_EPOCH);
+        let queued = feed.push(BackgroundEvent::Job(job), Timestamp::UNIX_EPOCH);
         assert_eq!(
             told(&queued),
             r#"{"seq":8,"time":"1970-01-01T00:00:00Z","event":"job","job":1,"kind":"replay","session":"quartz","state":"waiting","done":0.0,"error":null}"#
@@ -260,7 +260,7 @@ mod tests {
             let feed = feed.clone();
             std::thread::spawn(move || {
                 for views in 1..=2000 {
-                    feed.push(Happening::Hull { views, volume_mm3: None }, Timestamp::UNIX_EPOCH);
+                    feed.push(EventKind::Hull { views, volume_mm3: None }, Timestamp::UNIX_EPOCH);
                 }
             })
         };

@@ -14,7 +14,7 @@ use super::error::{ErrorBody, ServerError};
 use super::routes::{App, on_rig};
 use super::{Refusal, RefusalKind};
 use crate::jobs::Job;
-use crate::session::event::{JobNews, JobState};
+use crate::session::event::{JobState, JobStatus};
 
 /// Ended computations that are kept in the status, beside those that wait or go on.
 const ENDED_KEPT: usize = 20;
@@ -27,8 +27,8 @@ pub struct JobStarted {
 }
 
 /// Takes some news into account; the newest job comes last. `web/status.js` does the same.
-pub(super) fn apply(jobs: &mut Vec<JobNews>, news: &JobNews) {
-    let is_under_way = |job: &JobNews| matches!(job.state, JobState::Waiting | JobState::Running);
+pub(super) fn apply(jobs: &mut Vec<JobStatus>, news: &JobStatus) {
+    let is_under_way = |job: &JobStatus| matches!(job.state, JobState::Waiting | JobState::Running);
     match jobs.iter_mut().find(|before| before.job == news.job) {
         Some(before) => before.clone_from(news),
         None => jobs.push(news.clone()),
@@ -47,9 +47,9 @@ pub(super) fn routes() -> OpenApiRouter<App> {
 
 /// The computations that wait or go on, and the last ones that have ended, the newest last.
 #[utoipa::path(get, path = "/jobs", operation_id = "jobs", tag = "jobs", responses(
-    (status = 200, description = "The computations", body = Vec<JobNews>),
+    (status = 200, description = "The computations", body = Vec<JobStatus>),
 ))]
-pub(super) async fn list(State(app): State<App>) -> Result<Json<Vec<JobNews>>, ServerError> {
+pub(super) async fn list(State(app): State<App>) -> Result<Json<Vec<JobStatus>>, ServerError> {
     on_rig(&app, |rig| Ok(rig.events().status().jobs)).await
 }
 
@@ -83,7 +83,7 @@ pub(super) async fn start(
 pub struct JobDetails {
     /// How it stands.
     #[serde(flatten)]
-    pub status: JobNews,
+    pub status: JobStatus,
     /// What the command line prints for it under `--json`; `null` before its end, where it failed, and where twenty have ended
     /// since.
     #[schema(value_type = Option<Object>)]

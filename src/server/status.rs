@@ -17,7 +17,7 @@ use utoipa::ToSchema;
 use super::compressing::CompressionStatus;
 use super::jobs;
 use super::schemas::GrainResult;
-use crate::session::event::{FeedEvent, Happening, JobNews, News};
+use crate::session::event::{BackgroundEvent, EventKind, FeedEvent, JobStatus};
 use grainrig_core::silhouette::Verdict;
 
 /// More warnings than this help nobody: a run has 26 views.
@@ -137,7 +137,7 @@ pub struct Status {
     /// The compression that goes on beside the runs, or the last one; `null` before the first.
     pub compression: Option<CompressionStatus>,
     /// The computations beside the rig that wait or go on, and the last ones that have ended, the newest last.
-    pub jobs: Vec<JobNews>,
+    pub jobs: Vec<JobStatus>,
 }
 
 impl Status {
@@ -145,16 +145,16 @@ impl Status {
     pub(super) fn apply(&mut self, what: &FeedEvent) {
         match what {
             FeedEvent::Run(what) => self.go_on(what),
-            FeedEvent::Beside(News::Compression(news)) => {
+            FeedEvent::Beside(BackgroundEvent::Compression(news)) => {
                 self.compression = Some(CompressionStatus::after(self.compression.take(), news));
             }
-            FeedEvent::Beside(News::Job(news)) => jobs::apply(&mut self.jobs, news),
+            FeedEvent::Beside(BackgroundEvent::Job(news)) => jobs::apply(&mut self.jobs, news),
         }
     }
 
-    fn go_on(&mut self, what: &Happening) {
+    fn go_on(&mut self, what: &EventKind) {
         match what {
-            Happening::Started { session, views, already_captured } => {
+            EventKind::Started { session, views, already_captured } => {
                 *self = Self {
                     state: RunState::Starting,
                     session: Some(session.clone()),
@@ -165,13 +165,13 @@ impl Status {
                     ..Self::default()
                 };
             }
-            Happening::Homed => self.leave_start_for(RunState::Running),
-            Happening::Moving { view, target_deg } => {
+            EventKind::Homed => self.leave_start_for(RunState::Running),
+            EventKind::Moving { view, target_deg } => {
                 self.leave_start_for(RunState::Running);
                 self.view = Some(*view);
                 self.angle_deg = Some(*target_deg);
             }
-            Happening::Captured { view, remaining_s } => {
+            EventKind::Captured { view, remaining_s } => {
                 self.captured += 1;
                 self.rejected.take_if(|rejected| rejected.view == view.view);
                 // A view is kept while the stage is on its way to a later one.
@@ -182,44 +182,44 @@ impl Status {
                 self.remaining_s = *remaining_s;
                 self.last_frame = Some(view.file.clone());
             }
-            Happening::Paused => self.state = RunState::Paused,
-            Happening::Resumed => {
+            EventKind::Paused => self.state = RunState::Paused,
+            EventKind::Resumed => {
                 self.state = RunState::Running;
                 self.error = None;
             }
-            Happening::Aborted => self.end(RunState::Aborted),
-            Happening::AcquisitionComplete { .. } => {
+            EventKind::Aborted => self.end(RunState::Aborted),
+            EventKind::AcquisitionComplete { .. } => {
                 self.state = RunState::Computing;
                 self.remaining_s = None;
             }
-            Happening::Silhouette { view, verdict, warnings, .. } => self.warn(*view, *verdict, warnings),
-            Happening::Judged { view, verdict, warnings } => self.warn(*view, Some(*verdict), warnings),
-            Happening::Rejected { view, tries, cause } => {
+            EventKind::Silhouette { view, verdict, warnings, .. } => self.warn(*view, *verdict, warnings),
+            EventKind::Judged { view, verdict, warnings } => self.warn(*view, Some(*verdict), warnings),
+            EventKind::Rejected { view, tries, cause } => {
                 self.warn(*view, Some(Verdict::Bad), std::slice::from_ref(cause));
                 // Without a number it is a picture that was kept.
                 if let Some(tries) = *tries {
                     self.rejected = Some(RejectedPicture { view: *view, tries, cause: cause.clone() });
                 }
             }
-            Happening::Suspended { cause, .. } => self.error = Some(cause.clone()),
-            Happening::Hull { views, volume_mm3 } => {
+            EventKind::Suspended { cause, .. } => self.error = Some(cause.clone()),
+            EventKind::Hull { views, volume_mm3 } => {
                 if self.hull.len() < HULL_POINTS_KEPT {
                     self.hull.push(HullPoint { views: *views, volume_mm3: *volume_mm3 });
                 }
             }
-            Happening::Working { stage, done } => {
+            EventKind::Working { stage, done } => {
                 // A replay computes without having captured anything.
                 self.leave_start_for(RunState::Computing);
                 self.stage = Some(Stage { name: stage.clone(), done: *done });
             }
-            Happening::Products { files, .. } => {
+            EventKind::Products { files, .. } => {
                 self.products = files.iter().map(|product| product.file.clone()).collect();
             }
-            Happening::Failed { error } => {
+            EventKind::Failed { error } => {
                 self.end(RunState::Failed);
                 self.error = Some(error.clone());
             }
-            Happening::Complete { result } => {
+            EventKind::Complete { result } => {
                 self.end(RunState::Complete);
                 self.result = Some(result.clone());
             }

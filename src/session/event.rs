@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 /// Something that happened, numbered: in a run, unless it is said of what.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Event<T = Happening> {
+pub struct Event<T = EventKind> {
     /// Number: each is one more than the one before it in the same log.
     pub seq: u64,
     /// When, in UTC.
@@ -81,7 +81,7 @@ pub enum CompressionState {
 
 /// What is new of a compression.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct CompressionNews {
+pub struct CompressionUpdate {
     /// Name of the session whose grain it is.
     pub session: String,
     /// Its name among the session's compressions.
@@ -149,7 +149,7 @@ pub enum JobState {
 
 /// What is new of a computation beside the rig.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
-pub struct JobNews {
+pub struct JobStatus {
     /// Its number since the program began, from 1.
     pub job: u64,
     /// What it does.
@@ -175,19 +175,19 @@ pub struct JobNews {
 #[serde(untagged)]
 pub enum FeedEvent {
     /// Of a run.
-    Run(Happening),
+    Run(EventKind),
     /// Beside the runs.
-    Beside(News),
+    Beside(BackgroundEvent),
 }
 
-impl From<Happening> for FeedEvent {
-    fn from(what: Happening) -> Self {
+impl From<EventKind> for FeedEvent {
+    fn from(what: EventKind) -> Self {
         Self::Run(what)
     }
 }
 
-impl From<News> for FeedEvent {
-    fn from(news: News) -> Self {
+impl From<BackgroundEvent> for FeedEvent {
+    fn from(news: BackgroundEvent) -> Self {
         Self::Beside(news)
     }
 }
@@ -195,17 +195,17 @@ impl From<News> for FeedEvent {
 /// What goes on beside the runs. Whoever watches is told; what is made from a session is no part of its record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
-pub enum News {
+pub enum BackgroundEvent {
     /// A compression of a session's grain began, went on or ended.
-    Compression(CompressionNews),
+    Compression(CompressionUpdate),
     /// A computation beside the rig was asked for, began, went on or ended.
-    Job(JobNews),
+    Job(JobStatus),
 }
 
 /// What happens in a run: the kinds of event that a journal has.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
-pub enum Happening {
+pub enum EventKind {
     /// A run began (or went on, where `already_captured` > 0).
     Started {
         /// Name of the session.

@@ -3,7 +3,7 @@
 //! Everything is looked at before anything is written, and the session appears whole or not at all.
 
 use super::disk::{check_space, sha256_hex};
-use super::event::{Happening, Role};
+use super::event::{EventKind, Role};
 use super::manifest::{ArchivedFile, Manifest, Origin, Plan, PlannedView, required_bytes};
 use super::name::few;
 use super::open::read_named;
@@ -199,11 +199,11 @@ impl Scan {
             session.archive(&archived.file, &source.read()?.bytes)?;
         }
         let views = self.images.len();
-        session.append(Happening::Started { session: name.to_owned(), views, already_captured: 0 })?;
+        session.append(EventKind::Started { session: name.to_owned(), views, already_captured: 0 })?;
         for (view, (image, planned)) in self.images.iter().zip(&self.plan.views).enumerate() {
             session.record_frame(view, Angle::from_deg(planned.angle_deg), &image.read()?, None)?;
         }
-        session.append(Happening::AcquisitionComplete { views })?;
+        session.append(EventKind::AcquisitionComplete { views })?;
         staged.publish()
     }
 }

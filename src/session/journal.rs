@@ -11,7 +11,7 @@
 //! ```
 
 use super::disk::sha256_hex;
-use super::event::{Event, Happening};
+use super::event::{Event, EventKind};
 use jiff::Timestamp;
 
 /// `,"hash":"` + 64 digits + `"}`.
@@ -40,7 +40,7 @@ impl Chain {
     ///
     /// # Errors
     /// Why the event would not be read back (a number that is not finite, say).
-    pub fn encode(&self, time: Timestamp, what: Happening) -> Result<Record, String> {
+    pub fn encode(&self, time: Timestamp, what: EventKind) -> Result<Record, String> {
         let event = Event { seq: self.next_seq, time, what };
         let mut value = super::to_json_value(&event).map_err(|e| e.to_string())?;
         value["prev"] = serde_json::Value::String(self.prev.clone());

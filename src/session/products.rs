@@ -12,7 +12,7 @@
 
 use super::SessionError;
 use super::disk::{sha256_of, sync_folder, write_whole};
-use super::event::{Happening, ProductRecord};
+use super::event::{EventKind, ProductRecord};
 use super::name::check_name;
 use super::open::{open_inside, read_inside};
 use super::recording::{PRODUCTS, Recording};
@@ -44,7 +44,7 @@ impl Session {
             // Where this fails the next opening removes it.
             let _ = std::fs::remove_dir_all(folder.join(NEXT));
         })?;
-        self.append(Happening::Products { files: records.clone(), timing_s, settings })?;
+        self.append(EventKind::Products { files: records.clone(), timing_s, settings })?;
         put_in_place(&folder)?;
         remove(&folder.join(NEXT))?;
         Ok(records)
@@ -85,7 +85,7 @@ impl Recording {
     /// The newest set of products, where there is one.
     pub fn newest_products(&self) -> Option<&[ProductRecord]> {
         self.events().iter().rev().find_map(|e| match &e.what {
-            Happening::Products { files, .. } => Some(&files[..]),
+            EventKind::Products { files, .. } => Some(&files[..]),
             _ => None,
         })
     }

@@ -2,7 +2,7 @@
 
 use super::SessionError;
 use super::disk::{LOCK, Lock, sha256_hex};
-use super::event::{CapturedView, Event, Happening, ProductRecord};
+use super::event::{CapturedView, Event, EventKind, ProductRecord};
 use super::hashes::Hashes;
 use super::journal::{Chain, Damage, Decoder};
 use super::manifest::{ArchivedFile, FORMAT_VERSION, Manifest, Origin};
@@ -141,9 +141,9 @@ impl Recording {
     }
 
     /// The reason why an event contradicts the plan or the events before it, where it does.
-    pub(super) fn check(&self, what: &Happening) -> Result<(), String> {
+    pub(super) fn check(&self, what: &EventKind) -> Result<(), String> {
         match what {
-            Happening::Captured { view, .. } => {
+            EventKind::Captured { view, .. } => {
                 let planned = self.manifest.plan.views.get(view.view);
                 if planned.is_none_or(|p| p.role != view.role) {
                     return Err(format!("the plan has no {:?} view {}", view.role, view.view));
@@ -154,7 +154,7 @@ impl Recording {
                 let mut files = view.others.iter().map(|o| &o.file).chain([&view.file]);
                 files.try_for_each(|file| check_name("frame file", file)).map_err(|e| e.to_string())
             }
-            Happening::Products { files, .. } => {
+            EventKind::Products { files, .. } => {
                 files.iter().try_for_each(|f| check_name("product file", &f.file)).map_err(|e| e.to_string())
             }
             _ => Ok(()),
@@ -164,10 +164,10 @@ impl Recording {
     /// Takes a checked event in.
     pub(super) fn take(&mut self, event: Event) {
         match &event.what {
-            Happening::Captured { view, .. } => {
+            EventKind::Captured { view, .. } => {
                 self.views.insert(view.view, view.clone());
             }
-            Happening::Products { files, .. } => {
+            EventKind::Products { files, .. } => {
                 self.products.extend(files.iter().map(|f| (f.file.clone(), f.clone())));
             }
             _ => {}
@@ -207,7 +207,7 @@ impl Recording {
     /// The newest result, as it was when its products were made.
     pub fn result(&self) -> Option<&serde_json::Value> {
         self.events.iter().rev().find_map(|e| match &e.what {
-            Happening::Complete { result } => Some(result),
+            EventKind::Complete { result } => Some(result),
             _ => None,
         })
     }
@@ -215,14 +215,14 @@ impl Recording {
     /// How far the session has come: what the last event that begins or ends something says.
     pub fn state(&self) -> State {
         let of = |e: &Event| match e.what {
-            Happening::Started { .. } | Happening::Captured { .. } | Happening::Homed => {
+            EventKind::Started { .. } | EventKind::Captured { .. } | EventKind::Homed => {
                 Some(State::Interrupted)
             }
             // The products are there, and the record that says so is due.
-            Happening::AcquisitionComplete { .. } | Happening::Products { .. } => Some(State::Captured),
-            Happening::Aborted => Some(State::Aborted),
-            Happening::Failed { .. } => Some(State::Failed),
-            Happening::Complete { .. } => Some(State::Complete),
+            EventKind::AcquisitionComplete { .. } | EventKind::Products { .. } => Some(State::Captured),
+            EventKind::Aborted => Some(State::Aborted),
+            EventKind::Failed { .. } => Some(State::Failed),
+            EventKind::Complete { .. } => Some(State::Complete),
             _ => None,
         };
         self.events.iter().rev().find_map(of).unwrap_or(State::Created)

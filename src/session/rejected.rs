@@ -3,7 +3,7 @@
 
 use super::SessionError;
 use super::disk::write_whole;
-use super::event::Happening;
+use super::event::EventKind;
 use super::open::{check_folder, read_inside};
 use super::recording::{REJECTED, Recording};
 use super::writer::Session;
@@ -54,7 +54,7 @@ impl Recording {
     pub fn rejections(&self) -> Vec<Rejection> {
         let mut last = BTreeMap::new();
         for event in self.events() {
-            if let Happening::Rejected { view, tries: Some(tries), cause } = &event.what {
+            if let EventKind::Rejected { view, tries: Some(tries), cause } = &event.what {
                 last.insert(*view, Rejection { view: *view, tries: *tries, cause: cause.clone() });
             }
         }

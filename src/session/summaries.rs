@@ -114,7 +114,7 @@ fn summarise(name: &str, folder: &Path) -> Summary {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::session::event::{Happening, Role};
+    use crate::session::event::{EventKind, Role};
     use crate::session::{Manifest, Plan, PlannedView, Store};
     use std::time::Duration;
 
@@ -135,7 +135,7 @@ mod tests {
         assert_eq!(list(later).1, 3);
         assert_eq!(list(later).1, 0);
         let mut session = store.open("b").unwrap();
-        session.append(Happening::Aborted).unwrap();
+        session.append(EventKind::Aborted).unwrap();
         let (all, read) = list(later);
         assert_eq!((read, all[1].state, all[1].busy), (1, Some(State::Aborted), true));
         drop(session);

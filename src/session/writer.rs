@@ -2,7 +2,7 @@
 
 use super::SessionError;
 use super::disk::{Lock, WholeFile, check_space, remove_parts, write_whole};
-use super::event::{CapturedView, Event, Happening, ProductRecord};
+use super::event::{CapturedView, Event, EventKind, ProductRecord};
 use super::manifest::{ArchivedFile, PlannedView, required_bytes};
 use super::name::check_name;
 use super::open::{append_inside, check_folder, read_inside};
@@ -102,18 +102,18 @@ impl Session {
     /// # Errors
     /// [`SessionError`] where the event contradicts the plan or the disk fails; the journal is then as it
     /// was before, or the session refuses every later event.
-    pub fn append(&mut self, what: Happening) -> Result<Event, SessionError> {
+    pub fn append(&mut self, what: EventKind) -> Result<Event, SessionError> {
         let path = self.recording.folder.join(JOURNAL);
         if self.broken {
             return Err(SessionError::Broken { path });
         }
         let sync = !matches!(
             what,
-            Happening::Moving { .. }
-                | Happening::Working { .. }
-                | Happening::Silhouette { .. }
-                | Happening::Judged { .. }
-                | Happening::Hull { .. }
+            EventKind::Moving { .. }
+                | EventKind::Working { .. }
+                | EventKind::Silhouette { .. }
+                | EventKind::Judged { .. }
+                | EventKind::Hull { .. }
         );
         let unrecordable = |reason| SessionError::Unrecordable { reason };
         let record = self.recording.chain.encode(Timestamp::now(), what).map_err(unrecordable)?;
@@ -215,8 +215,8 @@ impl Session {
         let (bytes, sha256) = write_whole(&folder, &file, &frame.bytes)?;
         let reached_deg = on_record(reached.deg());
         let view = CapturedView { view, role, file, bytes, sha256, commanded_deg, reached_deg, others };
-        match self.append(Happening::Captured { view, remaining_s })?.what {
-            Happening::Captured { view, .. } => Ok(view),
+        match self.append(EventKind::Captured { view, remaining_s })?.what {
+            EventKind::Captured { view, .. } => Ok(view),
             other => Err(SessionError::Unrecordable { reason: format!("it came back as {other:?}") }),
         }
     }

@@ -1,10 +1,10 @@
 //! A stage, a camera, a clock and a sink that do what a test tells them, at the step that it tells.
 
 use grainrig::acquire::{
-    self, AcquireError, Clock, Control, Earlier, Fate, FrameSink, Judge, Outcome, SessionSink,
+    self, AcquireError, Clock, Control, Earlier, FrameSink, Judge, Outcome, SessionSink, StoreOutcome,
 };
 use grainrig::rig::{Camera, Encoding, Frame, RigError, RotationStage};
-use grainrig::session::event::{CapturedView, Happening, Role};
+use grainrig::session::event::{CapturedView, EventKind, Role};
 use grainrig::session::{Manifest, Origin, Plan, PlannedView, Recording, Session, SessionError, Store};
 use grainrig_core::geometry::Angle;
 use image::{DynamicImage, ImageFormat, RgbImage};
@@ -192,11 +192,11 @@ impl FrameSink for FailingSink<'_> {
             self.inner.offer(view, reached, frame, remaining_s);
         }
     }
-    fn verdict(&mut self) -> Result<Fate, SessionError> {
+    fn outcome(&mut self) -> Result<StoreOutcome, SessionError> {
         (self.script.at)(Step::Verdict(self.stored - 1));
-        if self.failing { Err(disk()) } else { self.inner.verdict() }
+        if self.failing { Err(disk()) } else { self.inner.outcome() }
     }
-    fn event(&mut self, what: Happening) -> Result<(), SessionError> {
+    fn event(&mut self, what: EventKind) -> Result<(), SessionError> {
         let failing = self.script.fails(Step::Event(self.events));
         self.events += 1;
         if failing { Err(disk()) } else { self.inner.event(what) }
@@ -267,7 +267,7 @@ impl Runs {
 
     /// The names of the newest run's events, as the journal has them.
     pub fn events(&self) -> Vec<String> {
-        let name = |what: &Happening| {
+        let name = |what: &EventKind| {
             let value = serde_json::to_value(what).unwrap();
             let view = value.get("view").map_or_else(String::new, |v| format!(" {v}"));
             format!("{}{view}", value["event"].as_str().unwrap())

@@ -3,7 +3,7 @@
 use super::rig::{Runs, Script, Step, VIEWS};
 use grainrig::acquire::{Control, Outcome, Phase};
 use grainrig::session::State;
-use grainrig::session::event::Happening;
+use grainrig::session::event::EventKind;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -136,8 +136,8 @@ fn the_time_left_is_told_from_the_views_so_far_without_the_pauses() {
         *now.lock().unwrap() += Duration::from_secs(3600);
         control.resume();
     });
-    let left = |what: &Happening| match what {
-        Happening::Captured { remaining_s, .. } => *remaining_s,
+    let left = |what: &EventKind| match what {
+        EventKind::Captured { remaining_s, .. } => *remaining_s,
         _ => None,
     };
     // Each view settles for a second, and nothing else takes time.

@@ -3,7 +3,7 @@
 
 use crate::kit::{Lab, Ran, VIEWS, pictures};
 use crate::ptp_camera::{Fault, Personality, PtpCamera, Setup, speaks_ptpip};
-use grainrig::session::event::Happening;
+use grainrig::session::event::EventKind;
 use grainrig::session::{Recording, State};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -17,8 +17,8 @@ struct Rig {
 
 /// The view that the run is at, by its journal.
 fn view(session: &Path) -> usize {
-    let moving = |what: &Happening| match what {
-        Happening::Moving { view, .. } => Some(*view),
+    let moving = |what: &EventKind| match what {
+        EventKind::Moving { view, .. } => Some(*view),
         _ => None,
     };
     let recording = Recording::read(session).unwrap();

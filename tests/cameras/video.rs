@@ -9,7 +9,7 @@ use crate::video_camera::{DEVICE, FOLDER, library, yuyv};
 use grainrig::rig::v4l::{PixelFormat, Settings, V4lCamera};
 use grainrig::rig::{Camera as _, Encoding, RigError};
 use grainrig::session::State;
-use grainrig::session::event::Happening;
+use grainrig::session::event::EventKind;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::process::Command;
@@ -206,8 +206,8 @@ fn a_run_of_the_real_program_shows_each_view_at_its_own_angle() {
             break status;
         }
         if let Ok(recording) = grainrig::session::Recording::read(&lab.session("a")) {
-            let view = |what: &Happening| match what {
-                Happening::Moving { view, .. } => Some(*view),
+            let view = |what: &EventKind| match what {
+                EventKind::Moving { view, .. } => Some(*view),
                 _ => None,
             };
             put(recording.events().iter().rev().find_map(|e| view(&e.what)).unwrap_or(0));

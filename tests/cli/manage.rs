@@ -1,7 +1,7 @@
 //! The sessions of the data folder: listed, shown, removed; errors for programs; what the environment says.
 
 use crate::kit::{self, Lab, VIEWS};
-use grainrig::session::event::Happening;
+use grainrig::session::event::EventKind;
 use grainrig::session::{Manifest, MergeSource, Origin, Plan, Session, Store};
 use serde_json::{Value, json};
 
@@ -138,7 +138,7 @@ fn a_result_from_before_its_form_was_numbered_is_told_as_that() {
     lab.capture("a").succeeds();
     // The same session, as a version wrote it that knew no such key.
     let mut events = lab.recording("a").events().to_vec();
-    let Some(Happening::Complete { result }) = events.last_mut().map(|e| &mut e.what) else {
+    let Some(EventKind::Complete { result }) = events.last_mut().map(|e| &mut e.what) else {
         panic!("{events:?}")
     };
     let removed = result.as_object_mut().unwrap().shift_remove("schema");
@@ -147,7 +147,7 @@ fn a_result_from_before_its_form_was_numbered_is_told_as_that() {
     let journal = String::from_utf8(kit::read(&lab.session("a").join("journal.jsonl"))).unwrap();
     let (before, _) = journal.trim_end().rsplit_once('\n').unwrap();
     std::fs::write(lab.session("a").join("journal.jsonl"), format!("{before}\n")).unwrap();
-    Session::open(&lab.session("a")).unwrap().append(Happening::Complete { result }).unwrap();
+    Session::open(&lab.session("a")).unwrap().append(EventKind::Complete { result }).unwrap();
     assert_eq!(lab.run(&["--json", "resume", "a"]).succeeds().json()["schema"], 0);
     assert!(lab.run(&["--json", "show", "a"]).succeeds().json()["result"].get("schema").is_none());
     lab.run(&["replay", "a"]).succeeds();

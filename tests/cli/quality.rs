@@ -5,7 +5,7 @@ use super::kit::{Lab, Ran, read};
 use grainrig::rig::simulated::{self, Faults, Settings};
 use grainrig::rig::{Camera as _, RotationStage as _};
 use grainrig::session::State;
-use grainrig::session::event::Happening;
+use grainrig::session::event::EventKind;
 use grainrig_core::geometry::Angle;
 use serde_json::Value;
 
@@ -22,8 +22,8 @@ fn capture(lab: &Lab, name: &str, fault: &str, more: &[&str]) -> Ran {
 
 /// The causes for which pictures of this view were refused.
 fn refused(lab: &Lab, name: &str, of: usize) -> Vec<String> {
-    let cause = |what: &Happening| match what {
-        Happening::Rejected { view, cause, tries: Some(_) } if *view == of => Some(cause.clone()),
+    let cause = |what: &EventKind| match what {
+        EventKind::Rejected { view, cause, tries: Some(_) } if *view == of => Some(cause.clone()),
         _ => None,
     };
     lab.recording(name).events().iter().filter_map(|e| cause(&e.what)).collect()

@@ -137,8 +137,8 @@ fn a_surface_that_cannot_be_meshed_is_refused_and_no_file_is_written() {
     lab.run(&["mesh", "empty.stl"]).fails(1, &["empty.stl", "STL"]);
     lab.run(&["mesh", "open.stl"]).fails(1, &["open.stl", "close it"]);
     lab.run(&["mesh", "nowhere.stl"]).fails(1, &["nowhere.stl", "check the path"]);
-    lab.run(&["mesh", "open.stl", "--out", "grain.obj"])
-        .fails(2, &["grain.obj", "one of .inp, .vtu, .msh, .stl"]);
+    lab.run(&["mesh", "open.stl", "--out", "grain.off"])
+        .fails(2, &["grain.off", "one of .inp, .vtu, .msh, .stl"]);
     lab.run(&["mesh", "open.stl", "--out", "grain"]).fails(2, &["grain", "one of .inp, .vtu, .msh, .stl"]);
     assert_eq!(files(&lab.path(".")), there);
 }

@@ -3,7 +3,7 @@
 use std::num::NonZeroUsize;
 
 use grainrig::server::ServeOptions;
-use grainrig::session::event::Happening;
+use grainrig::session::event::EventKind;
 
 use crate::rig::{FIRST, Server, client};
 use crate::sse::Stream;
@@ -16,13 +16,13 @@ pub fn open(server: &Server, last: Option<u64>) -> Stream {
 #[test]
 fn a_new_client_gets_a_snapshot_and_then_every_event() {
     let server = Server::start();
-    server.rig.happened(Happening::Started { session: "quartz".into(), views: 25, already_captured: 3 });
+    server.rig.happened(EventKind::Started { session: "quartz".into(), views: 25, already_captured: 3 });
     let mut stream = open(&server, None);
     let snapshot = stream.next().unwrap();
     assert_eq!((snapshot.id, snapshot.kind.as_str()), (FIRST, "snapshot"));
     assert_eq!(snapshot.data["seq"], FIRST);
     assert_eq!(snapshot.data["status"]["captured"], 3);
-    server.rig.happened(Happening::Moving { view: 3, target_deg: 21.6 });
+    server.rig.happened(EventKind::Moving { view: 3, target_deg: 21.6 });
     let moving = stream.next().unwrap();
     assert_eq!((moving.id, moving.kind.as_str()), (FIRST + 1, "moving"));
     assert_eq!(moving.data["target_deg"], 21.6);
@@ -33,7 +33,7 @@ fn a_new_client_gets_a_snapshot_and_then_every_event() {
 fn a_client_that_comes_back_gets_what_it_missed() {
     let server = Server::start();
     for view in 0..5 {
-        server.rig.happened(Happening::Moving { view, target_deg: 0.0 });
+        server.rig.happened(EventKind::Moving { view, target_deg: 0.0 });
     }
     let mut stream = open(&server, Some(FIRST + 1));
     for id in FIRST + 2..FIRST + 5 {
@@ -53,7 +53,7 @@ fn a_client_that_comes_back_gets_what_it_missed() {
 #[test]
 fn a_number_of_an_earlier_daemon_gets_a_snapshot() {
     let server = Server::start();
-    server.rig.happened(Happening::Homed);
+    server.rig.happened(EventKind::Homed);
     for unknown in [1, FIRST - 2, FIRST + 1, u64::MAX] {
         let first = open(&server, Some(unknown)).next().unwrap();
         assert_eq!((first.id, first.kind.as_str()), (FIRST, "snapshot"), "{unknown}");
@@ -73,7 +73,7 @@ fn a_client_that_keeps_dropping_out_misses_and_repeats_nothing() {
             let rig = server.rig.clone();
             std::thread::spawn(move || {
                 for view in 0..PUSHED / 4 {
-                    rig.happened(Happening::Moving { view: view as usize, target_deg: 0.0 });
+                    rig.happened(EventKind::Moving { view: view as usize, target_deg: 0.0 });
                 }
             })
         })
@@ -103,7 +103,7 @@ fn a_slow_client_is_cut_off_and_told_where_things_stand() {
     assert_eq!(slow.next().unwrap().kind, "snapshot");
     // Far more than the sockets between us hold: if pushing waited for the reader, this would not end.
     for view in 0..PUSHED {
-        server.rig.happened(Happening::Moving { view: view as usize, target_deg: 0.0 });
+        server.rig.happened(EventKind::Moving { view: view as usize, target_deg: 0.0 });
     }
     let mut last = FIRST - 1;
     while let Some(message) = slow.next() {

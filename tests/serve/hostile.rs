@@ -5,7 +5,7 @@ use std::net::TcpStream;
 use std::time::Duration;
 
 use grainrig::server::{KEPT_EVENTS, ServeOptions};
-use grainrig::session::event::Happening;
+use grainrig::session::event::EventKind;
 
 use crate::rig::{Server, client};
 
@@ -243,7 +243,7 @@ fn requests_that_never_end_are_cut_off() {
     for _ in 0..6 {
         rest(&mut connect(&server));
     }
-    server.rig.happened(Happening::Homed);
+    server.rig.happened(EventKind::Homed);
     assert_eq!(stream.next().unwrap().kind, "homed");
 }
 

@@ -8,7 +8,7 @@ mod rig;
 mod sse;
 
 use grainrig::server::{KEPT_EVENTS, ServeOptions};
-use grainrig::session::event::Happening;
+use grainrig::session::event::EventKind;
 use rig::{PICTURE, SECRET, Server, client};
 use serde_json::{Value, json};
 use ureq::Body;
@@ -261,7 +261,7 @@ fn the_end_is_asked_for_and_streams_end_with_it() {
     let mut server = Server::start();
     let mut stream = events::open(&server, None);
     assert_eq!(stream.next().unwrap().kind, "snapshot");
-    server.rig.happened(Happening::Homed);
+    server.rig.happened(EventKind::Homed);
     assert_eq!(stream.next().unwrap().kind, "homed");
     server.stop().unwrap();
     assert!(stream.next().is_none());

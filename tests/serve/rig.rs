@@ -13,7 +13,7 @@ use grainrig::server::{
     CompressionStarted, Compressions, Content, Download, EventFeed, Files, KEPT_EVENTS, Refusal, RefusalKind,
     Rig, RunRequest, RunStarted, RunState, ServeOptions, Upload, serve,
 };
-use grainrig::session::event::Happening;
+use grainrig::session::event::EventKind;
 use grainrig::session::{ExchangedFile, sha256_hex};
 use jiff::Timestamp;
 use serde_json::{Value, json};
@@ -32,11 +32,11 @@ pub struct FakeRig {
 }
 
 impl FakeRig {
-    pub fn happened(&self, what: Happening) {
+    pub fn happened(&self, what: EventKind) {
         self.feed.push(what, Timestamp::UNIX_EPOCH);
     }
 
-    fn change(&self, from: RunState, what: Happening) -> Result<(), Refusal> {
+    fn change(&self, from: RunState, what: EventKind) -> Result<(), Refusal> {
         let state = self.feed.status().state;
         if state != from {
             return Err(Refusal::new(RefusalKind::Busy, format!("the rig is {state:?}, not {from:?}")));
@@ -134,17 +134,17 @@ impl Rig for FakeRig {
             return Err(Refusal::new(RefusalKind::Busy, "a run goes on; wait for its end or abort it"));
         }
         let session = request.session;
-        self.happened(Happening::Started { session: session.clone(), views: 25, already_captured: 0 });
-        self.happened(Happening::Homed);
+        self.happened(EventKind::Started { session: session.clone(), views: 25, already_captured: 0 });
+        self.happened(EventKind::Homed);
         Ok(RunStarted { session })
     }
 
     fn pause(&self) -> Result<(), Refusal> {
-        self.change(RunState::Running, Happening::Paused)
+        self.change(RunState::Running, EventKind::Paused)
     }
 
     fn resume(&self) -> Result<(), Refusal> {
-        self.change(RunState::Paused, Happening::Resumed)
+        self.change(RunState::Paused, EventKind::Resumed)
     }
 
     fn compute(&self, _: Job) -> Result<u64, Refusal> {
@@ -165,7 +165,7 @@ impl Rig for FakeRig {
     }
 
     fn abort(&self) -> Result<(), Refusal> {
-        self.change(RunState::Running, Happening::Aborted)
+        self.change(RunState::Running, EventKind::Aborted)
     }
 
     fn devices(&self) -> Result<Value, Refusal> {

@@ -5,7 +5,7 @@ use grainrig::acquire::Control;
 use grainrig::config::Config;
 use grainrig::jobs::{self, JobError, Watcher};
 use grainrig::pipeline::{Cameras, TurntableSettings};
-use grainrig::session::event::{Event, Happening};
+use grainrig::session::event::{Event, EventKind};
 use grainrig::session::import::{ImportRequest, scan};
 use grainrig::session::{Manifest, Recording, State, Store, verify};
 use grainrig_core::geometry::Angle;
@@ -63,7 +63,7 @@ fn replays(views: u32, whole_turn: bool, faults: &str, abort_after: Option<usize
     let (seen, stop) = (Arc::new(Mutex::new(0)), Arc::clone(&control));
     let watcher: Watcher = Arc::new(move |event| {
         let mut seen = seen.lock().unwrap();
-        *seen += usize::from(matches!(event.what, Happening::Captured { .. }));
+        *seen += usize::from(matches!(event.what, EventKind::Captured { .. }));
         if abort_after == Some(*seen) {
             stop.abort();
         }
@@ -78,7 +78,7 @@ fn replays(views: u32, whole_turn: bool, faults: &str, abort_after: Option<usize
     }
     if faults.contains("_frame_at") {
         let recording = Recording::read(&folder).unwrap();
-        let rejected = |e: &&Event| matches!(e.what, Happening::Rejected { .. });
+        let rejected = |e: &&Event| matches!(e.what, EventKind::Rejected { .. });
         assert!(recording.events().iter().find(rejected).is_some(), "{what}: no picture was taken again");
     }
     let again = jobs::replay(&folder, &quiet).unwrap_or_else(|e| panic!("{what}: {e}"));
@@ -261,23 +261,23 @@ fn verify_names_the_file_in_which_one_byte_has_changed() {
 #[test]
 fn the_replay_takes_the_same_way_through_the_acquisition_as_the_rig() {
     let lab = captured();
-    let names: Arc<Mutex<Vec<Happening>>> = Arc::default();
+    let names: Arc<Mutex<Vec<EventKind>>> = Arc::default();
     let heard = Arc::clone(&names);
     let watcher: Watcher = Arc::new(move |event| heard.lock().unwrap().push(event.what.clone()));
     let done = jobs::replay(&lab.session("a"), &watcher).unwrap();
     assert!(done.differs.is_empty());
-    let steps = |events: &[Happening]| -> Vec<(&'static str, Option<usize>)> {
-        let step = |what: &Happening| match what {
-            Happening::Started { .. } => Some(("started", None)),
-            Happening::Homed => Some(("homed", None)),
-            Happening::Moving { view, .. } => Some(("moving", Some(*view))),
-            Happening::Captured { view, .. } => Some(("captured", Some(view.view))),
-            Happening::AcquisitionComplete { .. } => Some(("all captured", None)),
+    let steps = |events: &[EventKind]| -> Vec<(&'static str, Option<usize>)> {
+        let step = |what: &EventKind| match what {
+            EventKind::Started { .. } => Some(("started", None)),
+            EventKind::Homed => Some(("homed", None)),
+            EventKind::Moving { view, .. } => Some(("moving", Some(*view))),
+            EventKind::Captured { view, .. } => Some(("captured", Some(view.view))),
+            EventKind::AcquisitionComplete { .. } => Some(("all captured", None)),
             _ => None,
         };
         events.iter().filter_map(step).collect()
     };
-    let recorded: Vec<Happening> = lab.recording("a").events().iter().map(|e| e.what.clone()).collect();
+    let recorded: Vec<EventKind> = lab.recording("a").events().iter().map(|e| e.what.clone()).collect();
     let replayed = names.lock().unwrap().clone();
     assert_eq!(steps(&replayed), steps(&recorded));
     assert_eq!(steps(&recorded).len(), 2 * VIEWS + 3);
@@ -290,14 +290,14 @@ fn a_journal_in_which_each_view_was_kept_before_the_next_move_replays_to_the_sam
     let manifest = Manifest { name: "b".into(), ..made.manifest().clone() };
     let mut session = Store::new(lab.path("data")).create(&manifest).unwrap();
     let views = manifest.plan.views.len();
-    session.append(Happening::Started { session: "b".into(), views, already_captured: 0 }).unwrap();
-    session.append(Happening::Homed).unwrap();
+    session.append(EventKind::Started { session: "b".into(), views, already_captured: 0 }).unwrap();
+    session.append(EventKind::Homed).unwrap();
     for view in made.views() {
-        session.append(Happening::Moving { view: view.view, target_deg: view.commanded_deg }).unwrap();
+        session.append(EventKind::Moving { view: view.view, target_deg: view.commanded_deg }).unwrap();
         let (reached, frame) = (Angle::from_deg(view.reached_deg), made.frame(view.view).unwrap());
         session.record_frame(view.view, reached, &frame, None).unwrap();
     }
-    session.append(Happening::AcquisitionComplete { views }).unwrap();
+    session.append(EventKind::AcquisitionComplete { views }).unwrap();
     drop(session);
     for _ in 0..2 {
         lab.run(&["replay", "b"]).succeeds();

@@ -1,7 +1,7 @@
 //! A capture that is killed, interrupted or fails at any time goes on with `resume`.
 
 use crate::kit::{self, Lab, Ran, VIEWS, read};
-use grainrig::session::event::{Event, Happening};
+use grainrig::session::event::{Event, EventKind};
 use grainrig::session::{Session, State};
 use std::collections::BTreeMap;
 
@@ -26,7 +26,7 @@ fn resumed(lab: &Lab, before: &BTreeMap<usize, String>) -> f64 {
     let ran = lab.run(&["--json", "resume", "a"]).succeeds();
     let recording = lab.recording("a");
     assert_eq!((recording.state(), recording.views().len()), (State::Complete, VIEWS));
-    let takes = recording.events().iter().filter(|e| matches!(e.what, Happening::Captured { .. })).count();
+    let takes = recording.events().iter().filter(|e| matches!(e.what, EventKind::Captured { .. })).count();
     assert_eq!(takes, VIEWS, "each view is taken once");
     let after = captured(lab);
     assert!(before.iter().all(|(view, hash)| after[view] == *hash), "what was captured stays");
@@ -117,7 +117,7 @@ fn a_second_ctrl_c_stops_at_once_even_where_a_device_does_not_answer() {
     let lab = Lab::new();
     let mut running = start(&lab, &lab.config(&[("simulated", STUCK)]));
     running.wait_for("view 0 ");
-    let moving = |e: &Event| matches!(e.what, Happening::Moving { view: 1, .. });
+    let moving = |e: &Event| matches!(e.what, EventKind::Moving { view: 1, .. });
     while !lab.recording("a").events().iter().any(moving) {
         std::thread::yield_now();
     }
@@ -180,7 +180,7 @@ fn a_computation_that_failed_is_done_again_without_the_rig() {
     let again = lab.run(&["resume", "a"]).fails(1, &["error: view ", "no grain in view"]);
     assert!(again.stderr.contains("all 5 views are there"), "{}", again.stderr);
     assert_eq!(captured(&lab), before);
-    assert!(!lab.recording("a").events().iter().skip(20).any(|e| matches!(e.what, Happening::Homed)));
+    assert!(!lab.recording("a").events().iter().skip(20).any(|e| matches!(e.what, EventKind::Homed)));
 }
 
 #[test]

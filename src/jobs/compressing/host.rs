@@ -6,14 +6,14 @@
 //! ```
 
 use super::asked::{asked, is_finished};
-use super::job::{Pointer, Remembered, Run, Work};
-use super::news::News;
+use super::catalogue::{Active, details, list, open};
+use super::job::{Registry, RegistryEntry, Run, Work};
 use super::of_session::{claim_of, grain};
 use super::others::others;
-use super::shelf::{Active, details, list, open};
+use super::reporter::CompressionReporter;
 use super::{Claim, CompressDetails, CompressLine, CompressRequest, JobError, RUN, keep_beside};
-use crate::jobs::background::{About, Background};
-use crate::jobs::{BackgroundError, ErrorKind, Names, NewsWatcher};
+use crate::jobs::background::{Background, JobDescription};
+use crate::jobs::{BackgroundError, BackgroundWatcher, ErrorKind, Names};
 use crate::session::event::JobKind;
 use crate::session::{Store, hold};
 use std::fs::File;
@@ -27,16 +27,16 @@ const MOST_TRIES: u32 = 3;
 /// Computes compressions in the background, and knows those that are there.
 pub struct CompressHost {
     store: Store,
-    watcher: NewsWatcher,
+    watcher: BackgroundWatcher,
     background: Arc<Background>,
-    remembered: Arc<Remembered>,
+    registry: Arc<Registry>,
 }
 
 impl CompressHost {
     /// A host of the compressions in a data folder; `watcher` is told of each one's news.
-    pub fn new(data: &Path, background: Arc<Background>, watcher: NewsWatcher) -> Self {
-        let remembered = Arc::new(Remembered::new(data));
-        Self { store: Store::new(data), watcher, background, remembered }
+    pub fn new(data: &Path, background: Arc<Background>, watcher: BackgroundWatcher) -> Self {
+        let registry = Arc::new(Registry::new(data));
+        Self { store: Store::new(data), watcher, background, registry }
     }
 
     /// Compresses a complete session's grain, once the computations before it have ended; the compression's name: its material,
@@ -52,8 +52,8 @@ impl CompressHost {
         if !curves.is_empty() {
             keep_beside(&claim.folder, &curves)?;
         }
-        let pointer = Pointer { session: session.into(), name: name.clone(), tries: 0 };
-        self.begin(pointer, Work::New(Box::new(claim)))?;
+        let entry = RegistryEntry { session: session.into(), name: name.clone(), tries: 0 };
+        self.begin(entry, Work::New(Box::new(claim)))?;
         Ok(name)
     }
 
@@ -62,12 +62,12 @@ impl CompressHost {
     /// # Errors
     /// [`JobError`] where it goes on or waits already, where there is none of that name, or it is complete.
     pub fn resume(&self, session: &str, name: &str) -> Result<(), JobError> {
-        self.take_up(Pointer { session: session.into(), name: name.into(), tries: 0 })
+        self.take_up(RegistryEntry { session: session.into(), name: name.into(), tries: 0 })
     }
 
     /// Goes on with the compressions that the last program was at when it ended, or that waited; session and name of each.
     pub fn go_on(&self) -> Vec<(String, String)> {
-        let Some(left) = self.remembered.left() else { return Vec::new() };
+        let Some(left) = self.registry.left() else { return Vec::new() };
         let left = left.unwrap_or_else(|error| {
             tracing::warn!("what the last program computed is not known: {error}; it is left alone until somebody resumes it");
             Vec::new()
@@ -92,7 +92,7 @@ impl CompressHost {
                 }
             }
         }
-        if !another && let Err(error) = self.remembered.write() {
+        if !another && let Err(error) = self.registry.write() {
             tracing::warn!("{error}");
         }
         under_way
@@ -138,16 +138,16 @@ impl CompressHost {
 
     /// Whether a compression is being computed or waits for that.
     fn active(&self, session: &str, name: &str) -> Option<Active> {
-        let is_it = |about: &About| about.is_compression(session, name);
+        let is_it = |about: &JobDescription| about.is_compression(session, name);
         if self.background.running(is_it).is_some() {
             return Some(Active::Running);
         }
         self.background.waits(is_it).then_some(Active::Waiting)
     }
 
-    fn take_up(&self, pointer: Pointer) -> Result<(), JobError> {
-        let recording = self.store.read(&pointer.session)?;
-        let folder = recording.compression_path(&pointer.name)?;
+    fn take_up(&self, entry: RegistryEntry) -> Result<(), JobError> {
+        let recording = self.store.read(&entry.session)?;
+        let folder = recording.compression_path(&entry.name)?;
         let before = asked(&folder).ok_or(JobError::NoCompression)?;
         if is_finished(&folder) {
             return Err(JobError::NotNow("this compression has come to its end; its results are there"));
@@ -159,32 +159,32 @@ impl CompressHost {
             let input = grain(&recording)?;
             Work::New(Box::new(Claim::new(&folder, input, &before.placing, &before.settings)?))
         };
-        self.begin(pointer, work)
+        self.begin(entry, work)
     }
 
-    fn begin(&self, pointer: Pointer, work: Work) -> Result<(), JobError> {
-        let (session, name) = (pointer.session.clone(), pointer.name.clone());
+    fn begin(&self, entry: RegistryEntry, work: Work) -> Result<(), JobError> {
+        let (session, name) = (entry.session.clone(), entry.name.clone());
         let stop = Arc::new(AtomicBool::new(false));
         let run = Run {
-            news: News::new(&session, &name, Arc::clone(&self.watcher)),
+            news: CompressionReporter::new(&session, &name, Arc::clone(&self.watcher)),
             stop: Arc::clone(&stop),
-            remembered: Arc::clone(&self.remembered),
+            registry: Arc::clone(&self.registry),
             session: session.clone(),
             name: name.clone(),
         };
         // Before anybody is told of it: from then on it goes on, whatever ends the program.
-        self.remembered.add(pointer)?;
-        let (remembered, of) = (Arc::clone(&self.remembered), (session.clone(), name.clone()));
-        let about = About {
+        self.registry.add(entry)?;
+        let (registry, of) = (Arc::clone(&self.registry), (session.clone(), name.clone()));
+        let about = JobDescription {
             kind: JobKind::Compress,
             session: session.clone(),
             name: Some(name.clone()),
             stop: Some(stop),
-            called_off: Some(Arc::new(move || remembered.forget(&of.0, &of.1))),
+            called_off: Some(Arc::new(move || registry.forget(&of.0, &of.1))),
         };
         self.background
             .queue(about, move |stopped, _| run.carry_out(work, stopped))
-            .inspect_err(|_| self.remembered.forget(&session, &name))?;
+            .inspect_err(|_| self.registry.forget(&session, &name))?;
         Ok(())
     }
 }

@@ -1,8 +1,8 @@
 //! The thread of one compression, and what the data folder remembers of it.
 
-use super::news::News;
+use super::reporter::CompressionReporter;
 use super::{Claim, Compression, JobError, TEXT_LIMIT};
-use crate::jobs::background::{End, Stopped};
+use crate::jobs::background::{JobEnd, StopState};
 use crate::jobs::ended;
 use crate::session::event::CompressionState;
 use crate::session::{Held, read_inside, write_whole};
@@ -12,44 +12,44 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// The file in the data folder that names the compressions that wait or are computed.
-const POINTER: &str = ".compression.json";
+const REGISTRY: &str = ".compression.json";
 
 /// A compression that waits or is computed.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Pointer {
+pub(super) struct RegistryEntry {
     pub session: String,
     pub name: String,
     /// How often it was begun since it last came to a sample.
     pub tries: u32,
 }
 
-impl Pointer {
+impl RegistryEntry {
     pub(super) fn is(&self, session: &str, name: &str) -> bool {
         self.session == session && self.name == name
     }
 }
 
 /// The compressions that wait or are computed, as the data folder remembers them for the next program.
-pub(super) struct Remembered {
+pub(super) struct Registry {
     data: PathBuf,
-    all: Mutex<Vec<Pointer>>,
+    all: Mutex<Vec<RegistryEntry>>,
 }
 
-impl Remembered {
+impl Registry {
     pub(super) fn new(data: &Path) -> Self {
         Self { data: data.to_owned(), all: Mutex::default() }
     }
 
     /// What the last program left; `None` where it left nothing, an error where nobody can read it.
-    pub(super) fn left(&self) -> Option<Result<Vec<Pointer>, String>> {
+    pub(super) fn left(&self) -> Option<Result<Vec<RegistryEntry>, String>> {
         #[derive(Deserialize)]
         #[serde(untagged)]
         enum Left {
-            All(Vec<Pointer>),
+            All(Vec<RegistryEntry>),
             // As an earlier version left it.
-            One(Pointer),
+            One(RegistryEntry),
         }
-        let text = read_inside(&self.data, POINTER, TEXT_LIMIT).ok()?;
+        let text = read_inside(&self.data, REGISTRY, TEXT_LIMIT).ok()?;
         Some(match serde_json::from_slice(&text) {
             Ok(Left::All(all)) => Ok(all),
             Ok(Left::One(one)) => Ok(vec![one]),
@@ -57,8 +57,8 @@ impl Remembered {
         })
     }
 
-    pub(super) fn add(&self, pointer: Pointer) -> Result<(), JobError> {
-        self.change(|all| all.push(pointer))
+    pub(super) fn add(&self, entry: RegistryEntry) -> Result<(), JobError> {
+        self.change(|all| all.push(entry))
     }
 
     pub(super) fn forget(&self, session: &str, name: &str) {
@@ -80,20 +80,20 @@ impl Remembered {
         }
     }
 
-    /// Writes down what is remembered now; what the last program left is forgotten.
+    /// Writes down what is registry now; what the last program left is forgotten.
     pub(super) fn write(&self) -> Result<(), JobError> {
         self.change(|_| ())
     }
 
-    fn change(&self, change: impl FnOnce(&mut Vec<Pointer>)) -> Result<(), JobError> {
+    fn change(&self, change: impl FnOnce(&mut Vec<RegistryEntry>)) -> Result<(), JobError> {
         let mut all = self.all.lock().unwrap_or_else(PoisonError::into_inner);
         change(&mut all);
         if all.is_empty() {
-            let _ = std::fs::remove_file(self.data.join(POINTER));
+            let _ = std::fs::remove_file(self.data.join(REGISTRY));
             return Ok(());
         }
         let text = serde_json::to_vec(&*all).map_err(|e| JobError::Encode(e.to_string()))?;
-        write_whole(&self.data, POINTER, &text)?;
+        write_whole(&self.data, REGISTRY, &text)?;
         Ok(())
     }
 }
@@ -106,18 +106,18 @@ pub(super) enum Work {
 
 /// What the thread needs besides the work.
 pub(super) struct Run {
-    pub news: News,
+    pub news: CompressionReporter,
     /// Set where it is to stop.
     pub stop: Arc<AtomicBool>,
-    pub remembered: Arc<Remembered>,
+    pub registry: Arc<Registry>,
     pub session: String,
     pub name: String,
 }
 
 impl Run {
     /// Computes, and makes sure that the watchers are told of an end, whatever it is.
-    pub(super) fn carry_out(mut self, work: Work, stopped: &Stopped) -> Result<End, String> {
-        let begun = self.remembered.begins(&self.session, &self.name);
+    pub(super) fn carry_out(mut self, work: Work, stopped: &StopState) -> Result<JobEnd, String> {
+        let begun = self.registry.begins(&self.session, &self.name);
         let defect = "the compression ended by a defect of the program: please report it with the log";
         let done = ended(defect, || begun.and_then(|()| self.compute(work)));
         let (state, error) = match done {
@@ -127,15 +127,15 @@ impl Run {
             Err(error) => (CompressionState::Failed, Some(error)),
         };
         if state != CompressionState::Interrupted {
-            self.remembered.forget(&self.session, &self.name);
+            self.registry.forget(&self.session, &self.name);
         }
         // First, so that whoever is told may begin the next.
         stopped.over();
         self.news.ended(state, error.clone());
         match (state, error) {
-            (CompressionState::Complete, _) => Ok(End::Done),
+            (CompressionState::Complete, _) => Ok(JobEnd::Done),
             (_, Some(error)) => Err(error),
-            _ => Ok(End::Stopped),
+            _ => Ok(JobEnd::Stopped),
         }
     }
 
@@ -153,7 +153,7 @@ impl Run {
         let mut is_first = true;
         let result = compression.run(&self.stop, &mut |progress| {
             if std::mem::take(&mut is_first) {
-                self.remembered.computes(&self.session, &self.name);
+                self.registry.computes(&self.session, &self.name);
             }
             news.sampled(&progress);
         })?;

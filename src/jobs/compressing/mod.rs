@@ -6,28 +6,28 @@
 
 mod asked;
 mod body;
+mod catalogue;
 mod figures;
 mod files;
 mod host;
 mod job;
 mod laws;
-mod news;
 mod of_session;
 mod options;
 mod others;
-mod shelf;
+mod reporter;
 #[cfg(test)]
 mod tests;
 
 pub use asked::{Claim, CompressMaterial, CompressRequest};
 pub use body::{CompressInput, Placing};
+pub use catalogue::{CompressDetails, CompressFile, CompressLine, CompressState};
 pub use figures::{
     CompressProgress, CompressResult, CompressSettings, EnergyResult, ExperimentResult, OtherCurve,
 };
 pub use files::{experiment_lines, transition_line};
 pub use host::CompressHost;
 pub use options::CompressOptions;
-pub use shelf::{CompressDetails, CompressFile, CompressLine, CompressState};
 
 use super::JobError;
 use crate::session::{Held, hold, read_inside, to_json, to_json_value, write_whole};

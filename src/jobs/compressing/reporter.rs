@@ -1,8 +1,8 @@
 //! What those who watch a compression are told, and how often.
 
 use super::CompressProgress;
-use crate::jobs::NewsWatcher;
-use crate::session::event::{self, CompressionNews, CompressionState};
+use crate::jobs::BackgroundWatcher;
+use crate::session::event::{self, CompressionState, CompressionUpdate};
 use grainrig_core::contact::CurvePoint;
 use std::time::{Duration, Instant};
 
@@ -10,16 +10,16 @@ use std::time::{Duration, Instant};
 const EACH: Duration = Duration::from_millis(500);
 
 /// Tells the watcher of one compression.
-pub(super) struct News {
-    watcher: NewsWatcher,
+pub(super) struct CompressionReporter {
+    watcher: BackgroundWatcher,
     /// What is told next; `points` gathers what is new.
-    next: CompressionNews,
+    next: CompressionUpdate,
     told: Option<Instant>,
 }
 
-impl News {
-    pub(super) fn new(session: &str, name: &str, watcher: NewsWatcher) -> Self {
-        let next = CompressionNews {
+impl CompressionReporter {
+    pub(super) fn new(session: &str, name: &str, watcher: BackgroundWatcher) -> Self {
+        let next = CompressionUpdate {
             session: session.into(),
             name: name.into(),
             state: CompressionState::Meshing,
@@ -79,7 +79,7 @@ impl News {
     }
 
     fn tell(&mut self) {
-        (self.watcher)(event::News::Compression(self.next.clone()));
+        (self.watcher)(event::BackgroundEvent::Compression(self.next.clone()));
         self.next.from += self.next.points.len();
         self.next.points.clear();
         self.told = Some(Instant::now());

@@ -3,7 +3,7 @@
 use super::devices;
 use super::finish::{self, Finished, product_paths};
 use super::recorded::{
-    MadeBefore, WAITING_VIEWS, check_views, computation, conclude, joined, lock, made_before, note,
+    PriorProducts, WAITING_VIEWS, check_views, computation, conclude, joined, lock, note, prior_products,
     reconstruct, replay, send_recorded,
 };
 use super::scale_file::ScaleFile;
@@ -158,7 +158,7 @@ fn write_truth(handle: &TruthHandle, folder: &Path) -> Result<(), JobError> {
 }
 
 /// A run whose rig is open and whose session exists: nothing but the run itself can fail from here on.
-pub(super) struct Begun {
+pub(super) struct PreparedRun {
     session: Session,
     rig: devices::Rig,
     /// The mesh that was asked for otherwise than the frozen configuration says.
@@ -168,7 +168,7 @@ pub(super) struct Begun {
 }
 
 /// Opens the rig and makes the session.
-pub(super) fn begin(data: &Path, name: &str, config: &Config) -> Result<Begun, JobError> {
+pub(super) fn begin(data: &Path, name: &str, config: &Config) -> Result<PreparedRun, JobError> {
     config.check()?;
     let plan = config.plan.check().map_err(|e| ConfigError::Value(e.to_string()))?;
     let rig = devices::open(config)?;
@@ -184,7 +184,7 @@ pub(super) fn begin(data: &Path, name: &str, config: &Config) -> Result<Begun, J
     // Before the name is taken: a run that has no room leaves nothing behind.
     check_space(data, required_bytes(manifest.plan.views.len(), config.camera().view_bytes()))?;
     let session = store.create(&manifest)?;
-    Ok(Begun { session, rig, mesh: None, gates: config.acquire.quality == QualityMode::Gate })
+    Ok(PreparedRun { session, rig, mesh: None, gates: config.acquire.quality == QualityMode::Gate })
 }
 
 /// Has the gate look at pictures, where there is one, and hands those that are kept to the pipeline.
@@ -249,10 +249,10 @@ pub fn resume(
     watcher: &Watcher,
 ) -> Result<Resumed, JobError> {
     match take_up(folder, quality)? {
-        TakenUp::Nothing(nothing) => Ok(nothing),
-        TakenUp::Run(begun) => begun.run(None, control, watcher).map(|done| Resumed::Done(Box::new(done))),
-        TakenUp::Again { before, lost } => made_again(folder, before, lost, watcher),
-        TakenUp::Merge(mesh) => {
+        Resumption::Nothing(nothing) => Ok(nothing),
+        Resumption::Run(begun) => begun.run(None, control, watcher).map(|done| Resumed::Done(Box::new(done))),
+        Resumption::Again { before, lost } => made_again(folder, before, lost, watcher),
+        Resumption::Merge(mesh) => {
             let done = reconstruct(folder, mesh.as_ref(), false, false, watcher)?;
             Ok(Resumed::Done(Box::new(done)))
         }
@@ -260,15 +260,15 @@ pub fn resume(
 }
 
 /// What there is to do for a session that was to go on.
-pub(super) enum TakenUp {
+pub(super) enum Resumption {
     /// Nothing.
     Nothing(Resumed),
     /// Views are missing, or what is computed from them.
-    Run(Box<Begun>),
+    Run(Box<PreparedRun>),
     /// The products of a complete session are missing or have changed.
     Again {
         /// How they were made.
-        before: Option<MadeBefore>,
+        before: Option<PriorProducts>,
         /// Their names.
         lost: Vec<String>,
     },
@@ -277,7 +277,7 @@ pub(super) enum TakenUp {
 }
 
 /// Opens a session to go on with, and the rig where views are missing.
-pub(super) fn take_up(folder: &Path, quality: Option<QualityMode>) -> Result<TakenUp, JobError> {
+pub(super) fn take_up(folder: &Path, quality: Option<QualityMode>) -> Result<Resumption, JobError> {
     let mut session = Session::open(folder)?;
     finish::end(&mut session)?;
     let recording = session.recording();
@@ -290,7 +290,7 @@ pub(super) fn take_up(folder: &Path, quality: Option<QualityMode>) -> Result<Tak
     if let (State::Complete, Some(result)) = (recording.state(), recording.result()) {
         let lost = recording.changed_products();
         if !lost.is_empty() {
-            return Ok(TakenUp::Again { before: made_before(recording)?, lost });
+            return Ok(Resumption::Again { before: prior_products(recording)?, lost });
         }
         let (session, views) = (manifest.name.clone(), recording.views().len());
         let mut result = result.clone();
@@ -300,13 +300,13 @@ pub(super) fn take_up(folder: &Path, quality: Option<QualityMode>) -> Result<Tak
         }
         // The session may have been moved since.
         result["products"] = serde_json::json!(product_paths(folder, recording.products()));
-        return Ok(TakenUp::Nothing(Resumed::NothingToDo { session, views, result }));
+        return Ok(Resumption::Nothing(Resumed::NothingToDo { session, views, result }));
     }
     if manifest.origin == Origin::Merge {
-        return Ok(TakenUp::Merge(made_before(recording)?.and_then(|before| before.mesh)));
+        return Ok(Resumption::Merge(prior_products(recording)?.and_then(|before| before.mesh)));
     }
     let (config, _) = computation(recording)?;
-    let mesh = made_before(recording)?.and_then(|before| before.mesh);
+    let mesh = prior_products(recording)?.and_then(|before| before.mesh);
     if manifest.origin == Origin::Import {
         // No rig can take somebody else's photographs again.
         check_views(recording)?;
@@ -320,13 +320,13 @@ pub(super) fn take_up(folder: &Path, quality: Option<QualityMode>) -> Result<Tak
         devices::Rig { stage: Box::new(stage), camera: Box::new(camera), truth: None }
     };
     let gates = missing && quality.unwrap_or(config.acquire.quality) == QualityMode::Gate;
-    Ok(TakenUp::Run(Box::new(Begun { session, rig, mesh, gates })))
+    Ok(Resumption::Run(Box::new(PreparedRun { session, rig, mesh, gates })))
 }
 
 /// Makes the products of a complete session again that are missing or are not the recorded bytes.
 fn made_again(
     folder: &Path,
-    before: Option<MadeBefore>,
+    before: Option<PriorProducts>,
     lost: Vec<String>,
     watcher: &Watcher,
 ) -> Result<Resumed, JobError> {
@@ -341,7 +341,7 @@ fn made_again(
     Ok(Resumed::MadeAgain { done: Box::new(done), lost })
 }
 
-impl Begun {
+impl PreparedRun {
     /// Captures what is missing and computes. Blocks until the run ends.
     pub(super) fn run(
         self,

@@ -1,11 +1,11 @@
 //! Jobs beside the rig, as anyone may ask for them: the command line does the same at once.
 
-use super::background::{About, Background, End, Teller};
+use super::background::{Background, JobDescription, JobEnd, JobReporter};
 use super::{
     CompressOptions, Context, ImportOptions, JobError, MergeOptions, MeshOptions, Meshed, ReconstructOptions,
     ReplayOptions, ScaleOptions, StudyOptions, VerifyOptions, Watcher, stated,
 };
-use crate::session::event::{Happening, JobKind};
+use crate::session::event::{EventKind, JobKind};
 use crate::session::to_json_value;
 use serde::Deserialize;
 use serde_json::Value;
@@ -41,7 +41,7 @@ pub enum Job {
 
 impl Job {
     /// What it is about; `stop` is set where it is to stop.
-    fn about(&self, context: &Context) -> Result<About, JobError> {
+    fn about(&self, context: &Context) -> Result<JobDescription, JobError> {
         let named = |path: &Path| path.display().to_string();
         let (kind, subject) = match self {
             Self::Import(o) => (JobKind::Import, o.session(context)?),
@@ -55,7 +55,7 @@ impl Job {
             Self::Study(o) => (JobKind::Study, named(&o.out)),
         };
         let stop = matches!(self, Self::Compress(_)).then(|| Arc::clone(&context.stop));
-        Ok(About { kind, session: subject, name: None, stop, called_off: None })
+        Ok(JobDescription { kind, session: subject, name: None, stop, called_off: None })
     }
 
     /// Whether it makes sense, as far as that can be told before anything is computed.
@@ -123,25 +123,25 @@ impl Background {
     pub fn compute(&self, job: Job, context: Context) -> Result<u64, JobError> {
         let context = Context { stop: Arc::new(AtomicBool::new(false)), ..context };
         job.check(&context)?;
-        self.queue(job.about(&context)?, move |_, teller| {
+        self.queue(job.about(&context)?, move |_, reporter| {
             let stop = Arc::clone(&context.stop);
-            let told = Arc::new(Mutex::new(teller.clone()));
+            let told = Arc::new(Mutex::new(reporter.clone()));
             let result =
                 job.run(&Context { watcher: progress(told), ..context }).map_err(|e| e.to_string())?;
             let is_whole = result.get("finished") != Some(&Value::Bool(false));
-            teller.keep(stated(result));
-            Ok(if is_whole || !stop.load(Ordering::Acquire) { End::Done } else { End::Stopped })
+            reporter.keep(stated(result));
+            Ok(if is_whole || !stop.load(Ordering::Acquire) { JobEnd::Done } else { JobEnd::Stopped })
         })
     }
 }
 
 /// Tells a job's progress by the events of its computation. The run's own are not passed on: they are not the rig's.
-fn progress(teller: Arc<Mutex<Teller>>) -> Watcher {
+fn progress(reporter: Arc<Mutex<JobReporter>>) -> Watcher {
     Arc::new(move |event| {
-        let mut teller = teller.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut reporter = reporter.lock().unwrap_or_else(PoisonError::into_inner);
         match &event.what {
-            Happening::Working { stage, done } => teller.progress(stage, *done),
-            Happening::Silhouette { .. } => teller.progress("silhouettes", 0.0),
+            EventKind::Working { stage, done } => reporter.progress(stage, *done),
+            EventKind::Silhouette { .. } => reporter.progress("silhouettes", 0.0),
             _ => {}
         }
     })
