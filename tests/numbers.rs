@@ -6,7 +6,7 @@
 #[path = "support/kit/mod.rs"]
 mod kit;
 
-use grainrig::pipeline::{Cameras, Pipeline, Settings, TurntableSettings, View};
+use grainrig::pipeline::{Cameras, Pipeline, ResultHead, Settings, TurntableSettings, View};
 use grainrig::session::event::{CapturedView, EventKind, Role};
 use grainrig::session::{check_finite, sha256_hex, to_json};
 use grainrig_core::geometry::Angle;
@@ -159,8 +159,13 @@ fn reconstructed(body: &[Ellipsoid], views: usize, levels: [f64; 2]) -> Result<s
     let made = pipeline.run(receiver, &observer).map_err(|e| e.to_string())?;
     assert_eq!(*wrong.lock().unwrap(), [""; 0]);
     let timing = serde_json::json!(made.timing_s);
-    let bytes =
-        to_json(&made.result_file("test", "test", std::collections::BTreeMap::new(), timing)).unwrap();
+    let head = ResultHead {
+        software: "test".into(),
+        session: "test".into(),
+        products: std::collections::BTreeMap::new(),
+        timing_s: timing,
+    };
+    let bytes = to_json(&made.result_file(head)).unwrap();
     Ok(serde_json::from_slice(&bytes).unwrap())
 }
 

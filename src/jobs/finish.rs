@@ -2,7 +2,9 @@
 
 use super::JobError;
 use crate::pipeline::MeshSettings;
-use crate::pipeline::{CONVERGENCE, PipelineError, Product, Reconstruction, ResultFile, SHEET, products};
+use crate::pipeline::{
+    CONVERGENCE, PipelineError, Product, Reconstruction, ResultFile, ResultHead, SHEET, products,
+};
 use crate::session::event::{Event, EventKind, ProductRecord};
 use crate::session::{Recording, Session, read_inside, sha256_hex, to_json};
 use std::collections::BTreeMap;
@@ -27,14 +29,8 @@ pub struct Finished {
 pub(super) trait Made {
     /// Its files, but for `result.json`.
     fn products(&self, software: &str, session: &str) -> Result<Vec<Product>, PipelineError>;
-    /// Its figures, with the products' places and the timing to state.
-    fn result_file(
-        &self,
-        software: &str,
-        session: &str,
-        products: BTreeMap<String, String>,
-        timing_s: serde_json::Value,
-    ) -> ResultFile;
+    /// Its figures, with what is to be stated beside them.
+    fn result_file(&self, head: ResultHead) -> ResultFile;
     /// Seconds each stage took.
     fn timing_s(&self) -> serde_json::Value;
 }
@@ -44,14 +40,8 @@ impl Made for Reconstruction {
         products(self, software, session)
     }
 
-    fn result_file(
-        &self,
-        software: &str,
-        session: &str,
-        products: BTreeMap<String, String>,
-        timing_s: serde_json::Value,
-    ) -> ResultFile {
-        self.result_file(software, session, products, timing_s)
+    fn result_file(&self, head: ResultHead) -> ResultFile {
+        self.result_file(head)
     }
 
     fn timing_s(&self) -> serde_json::Value {
@@ -72,7 +62,9 @@ pub(super) fn render(
         names.insert(p.kind, p.file.clone());
         out.push((p.file, p.bytes));
     }
-    let result = made.result_file(software, session, names, timing);
+    let head =
+        ResultHead { software: software.into(), session: session.into(), products: names, timing_s: timing };
+    let result = made.result_file(head);
     let text = to_json(&result).map_err(|e| JobError::Encode(e.to_string()))?;
     out.push((RESULT.into(), text));
     Ok(out)
@@ -190,5 +182,7 @@ pub(super) fn finished(
     let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
     let paths = product_paths(&folder, &files);
     let timing = made.timing_s();
-    Finished { result: made.result_file(software, session, paths, timing), folder, files }
+    let (software, session) = (software.into(), session.into());
+    let head = ResultHead { software, session, products: paths, timing_s: timing };
+    Finished { result: made.result_file(head), folder, files }
 }

@@ -5,13 +5,12 @@ use super::finish::{self, Finished, Made};
 use super::recorded::{Numbered, check_views, computation, fed, record};
 use super::{Context, JobError, Watcher};
 use crate::pipeline::{
-    self, Merged, MeshSettings, Pipeline, PipelineError, Product, ResultFile, SeenPose, Settings,
+    self, Merged, MeshSettings, Pipeline, PipelineError, Product, ResultFile, ResultHead, SeenPose, Settings,
 };
 use crate::session::event::EventKind;
 use crate::session::{Manifest, MergeSource, Origin, Plan, Recording, SessionError, Store, check_name};
 use crate::trace;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -182,14 +181,8 @@ impl Made for MadeMerge {
         self.merged.products(software)
     }
 
-    fn result_file(
-        &self,
-        software: &str,
-        session: &str,
-        products: BTreeMap<String, String>,
-        timing_s: serde_json::Value,
-    ) -> ResultFile {
-        self.merged.result_file(software, session, products, timing_s)
+    fn result_file(&self, head: ResultHead) -> ResultFile {
+        self.merged.result_file(head)
     }
 
     fn timing_s(&self) -> serde_json::Value {

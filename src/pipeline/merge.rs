@@ -1,7 +1,7 @@
 //! Two poses of one grain become one hull: each carves what the other cannot see.
 
 use super::products::of_mesh;
-use super::result::{HullMethod, HullResult, MeshResult, ResultFile, ViewResult};
+use super::result::{HullMethod, HullResult, MeshResult, ResultFile, ResultHead, ViewResult};
 use super::{Observer, PipelineError, Product, SeenPose, Settings};
 use crate::session::event::EventKind;
 use grainrig_core::geometry::{Aabb, Point};
@@ -10,7 +10,6 @@ use grainrig_core::mesh::{Controls, TetMesh, mesh};
 use grainrig_core::register::{Motion, PoseView, Registration, Rival, Unfilled, register};
 use rayon::prelude::*;
 use serde::Serialize;
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Poses whose axes are nearer to one another than this see the grain from almost the same sides, degrees.
@@ -86,18 +85,13 @@ pub struct Merged {
 }
 
 impl Merged {
-    /// The result, with the products' places and the timing to state.
-    pub fn result_file(
-        &self,
-        software: &str,
-        session: &str,
-        products: BTreeMap<String, String>,
-        timing_s: serde_json::Value,
-    ) -> ResultFile {
+    /// The result, with what it is to state beside its figures.
+    pub fn result_file(&self, head: ResultHead) -> ResultFile {
+        let ResultHead { software, session, products, timing_s } = head;
         ResultFile {
             schema: super::result::SCHEMA,
-            software: software.into(),
-            session: session.into(),
+            software,
+            session,
             views: self.views.len(),
             scale_mm_per_px: self.scale_mm_per_px,
             axis: None,

@@ -25,7 +25,9 @@ pub use pose::SeenPose;
 pub use products::{Product, products};
 pub use quality::Gate;
 pub use reconstruct::{Reconstruction, SegmentedView};
-pub use result::{AxisResult, HullMethod, HullResult, MeshResult, ResultFile, Timing, ViewResult};
+pub use result::{
+    AxisResult, HullMethod, HullResult, MeshResult, ResultFile, ResultHead, Timing, ViewResult,
+};
 pub use settings::{
     Cameras, HullSettings, LengthUnit, MeshSettings, ReportSettings, Settings, TurntableSettings,
 };

@@ -3,7 +3,9 @@
 use super::cameras::{Measured, cameras_of};
 use super::convergence::convergence;
 use super::pedestal::contact_patch;
-use super::result::{AxisResult, HullMethod, HullResult, MeshResult, ResultFile, Timing, ViewResult};
+use super::result::{
+    AxisResult, HullMethod, HullResult, MeshResult, ResultFile, ResultHead, Timing, ViewResult,
+};
 use super::{Cameras, LengthUnit, Observer, PipelineError, Product, Settings, TurntableSettings, pictures};
 use crate::session::event::{EventKind, Role};
 use grainrig_core::calibrate::{Calibration, Turntable};
@@ -15,7 +17,6 @@ use grainrig_core::mesh::{Controls, TetMesh, mesh};
 use grainrig_core::plausible::{self, Doubt};
 use grainrig_core::report::{Sheet, Shot};
 use grainrig_core::silhouette::{PedestalConsensus, Segmentation, Silhouette, Traits, ViewQuality};
-use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -80,18 +81,13 @@ pub struct Reconstruction {
 }
 
 impl Reconstruction {
-    /// The result, with the products' places and the timing to state.
-    pub fn result_file(
-        &self,
-        software: &str,
-        session: &str,
-        products: BTreeMap<String, String>,
-        timing_s: serde_json::Value,
-    ) -> ResultFile {
+    /// The result, with what it is to state beside its figures.
+    pub fn result_file(&self, head: ResultHead) -> ResultFile {
+        let ResultHead { software, session, products, timing_s } = head;
         ResultFile {
             schema: super::result::SCHEMA,
-            software: software.into(),
-            session: session.into(),
+            software,
+            session,
             views: self.views.len(),
             scale_mm_per_px: self.scale_mm_per_px,
             axis: self.axis,

@@ -15,6 +15,19 @@ use std::collections::BTreeMap;
 /// The version of the form of [`ResultFile`]; raised where a key changes its name, unit or meaning.
 pub const SCHEMA: u32 = 1;
 
+/// What a result states beside its figures.
+#[derive(Debug, Clone)]
+pub struct ResultHead {
+    /// The program and its version.
+    pub software: String,
+    /// Name of the session.
+    pub session: String,
+    /// The files, by kind.
+    pub products: BTreeMap<String, String>,
+    /// Seconds each stage took.
+    pub timing_s: serde_json::Value,
+}
+
 /// The result of a session, as written to `result.json` and printed by `--json`.
 #[derive(Debug, Clone, Serialize)]
 pub struct ResultFile {
