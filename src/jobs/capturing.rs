@@ -2,10 +2,12 @@
 
 use super::devices;
 use super::finish::{self, Finished, product_paths};
+use super::reconstructing::reconstruct;
 use super::recorded::{
     PriorProducts, WAITING_VIEWS, check_views, computation, conclude, joined, lock, note, prior_products,
-    reconstruct, replay, send_recorded,
+    send_recorded,
 };
+use super::replaying::replay;
 use super::scale_file::ScaleFile;
 use super::{Context, JobError, Names, Watcher};
 use crate::acquire::{self, Control, Judge, Outcome, QualityMode, SessionSink, SystemClock};

@@ -2,7 +2,8 @@
 //! its own.
 
 use super::finish::{self, Finished, Made};
-use super::recorded::{Numbered, check_views, computation, fed, record};
+use super::recorded::{check_views, computation, fed, record};
+use super::replaying::Numbered;
 use super::{Context, JobError, Watcher};
 use crate::pipeline::{
     self, Merged, MeshSettings, Pipeline, PipelineError, Product, ResultFile, ResultHead, SeenPose, Settings,

@@ -5,7 +5,7 @@ use super::finish::Finished;
 use super::mesh_files::{
     Input, Made, Unit, check_output, ending, input_help, open, output_help, read_endings, reads, whole,
 };
-use super::recorded::reconstruct;
+use super::reconstructing::reconstruct;
 use super::{Context, JobError};
 use crate::pipeline::{MeshResult, MeshSettings};
 use crate::session::{sha256_hex, to_json_value};
