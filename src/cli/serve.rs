@@ -88,6 +88,9 @@ async fn listen(common: &Common, config: Config, address: SocketAddr) -> Result<
         common.found()?
     ));
 
+    if let Err(error) = rig.exchange().tidy() {
+        tracing::warn!("what broken uploads have left is not removed: {error}");
+    }
     for (session, name) in compressing.go_on() {
         say(format!("compression {name} of session {session} goes on from where the last program ended"));
     }

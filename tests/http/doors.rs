@@ -283,6 +283,10 @@ fn no_name_of_a_client_leads_out_of_its_files() {
     drop(broken);
     let (_, kept) = both.daemon.get_bytes("/files/grain.stl");
     assert!(kept == octahedron());
+    let left = both.lab.data().join(".files/.grain.stl.1.1.part");
+    std::fs::write(&left, b"of a program that was killed").unwrap();
+    let _next = both.lab.serve();
+    assert!(!left.exists());
     let long = format!("{head}connection: close\r\ncontent-length: 2000000000\r\n\r\n");
     assert!(both.daemon.raw(long.as_bytes()).starts_with("HTTP/1.1 413"));
     let foreign =
