@@ -82,15 +82,15 @@ async fn listen(common: &Common, config: Config, address: SocketAddr) -> Result<
     let monitor = monitor(listener.local_addr()?, options.token.is_some());
     let rig = Arc::new(LocalRig::new(&common.data, config));
     let (host, compressing, background) = (rig.host(), rig.compressing(), rig.background());
+    if let Err(error) = rig.exchange().tidy() {
+        tracing::warn!("what broken uploads have left is not removed: {error}");
+    }
     say(format!(
         "the monitor is at {monitor} (Ctrl-C ends it); sessions are in {}; configuration: {}",
         common.data.display(),
         common.found()?
     ));
 
-    if let Err(error) = rig.exchange().tidy() {
-        tracing::warn!("what broken uploads have left is not removed: {error}");
-    }
     for (session, name) in compressing.go_on() {
         say(format!("compression {name} of session {session} goes on from where the last program ended"));
     }
