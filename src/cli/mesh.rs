@@ -14,8 +14,8 @@ pub(super) fn run(common: &Common, options: &MeshOptions) -> Result<()> {
         Meshed::Session(done) => return super::capture::report(common, &done),
         Meshed::File(made) => made,
     };
+    made.warnings.iter().for_each(|w| say(format!("warning: {}: {w}", options.input.display())));
     if common.json {
-        made.warnings.iter().for_each(|w| say(format!("warning: {w}")));
         return print_json(&made.to_json()?);
     }
     let (volume_mm3, what, box_mm) = made.body;
@@ -24,7 +24,7 @@ pub(super) fn run(common: &Common, options: &MeshOptions) -> Result<()> {
         box_mm.x, box_mm.y, box_mm.z
     )];
     lines.extend(made.lines(made.seconds));
-    lines.extend(made.warnings.iter().map(|n| format!("note       {n}")));
+    lines.extend(made.notes.iter().map(|n| format!("note       {n}")));
     lines.extend(made.files.iter().map(|path| format!("{:<10} {}", file_ending(path), path.display())));
     print(&(lines.join("\n") + "\n"))
 }

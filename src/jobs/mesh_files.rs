@@ -291,8 +291,7 @@ impl Made<'_> {
 pub(super) fn whole(path: &Path, bytes: &[u8]) -> Result<(), JobError> {
     let folder = path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    write_whole(folder, &name, bytes)?;
-    Ok(())
+    write_whole(folder, &name, bytes).map(drop).of(path)
 }
 
 /// Refuses a file to write whose kind is not known, or that is the one that is read.

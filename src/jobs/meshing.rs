@@ -99,8 +99,10 @@ pub struct MeshedFile {
     pub turned: bool,
     /// Computing time, s.
     pub seconds: f64,
-    /// What a person should know.
+    /// What a person should know of the file.
     pub warnings: Vec<String>,
+    /// Figures that look like slips of unit and were taken as they are.
+    pub notes: Vec<String>,
     /// What was written, as it was named.
     pub files: Vec<PathBuf>,
 }
@@ -151,7 +153,7 @@ impl MeshOptions {
         let start = Instant::now();
         let path = context.names.input(&self.input)?;
         context.working("reading the body", 0.0);
-        let Input { body, volume_mm3, what, box_mm, moved_mm, places, turned, mut warnings, bytes } =
+        let Input { body, volume_mm3, what, box_mm, moved_mm, places, turned, warnings, bytes } =
             open(&path, self.unit, self.threshold)?;
         let coarser = if self.preset == Some(MeshPreset::Coarse) { COARSE } else { 1.0 };
         let diameter_mm = coarser * (6.0 * volume_mm3 / std::f64::consts::PI).cbrt();
@@ -177,7 +179,6 @@ impl MeshOptions {
         if turned {
             provenance.push("the input was inside out and has been turned".to_owned());
         }
-        warnings.extend(notes);
         let done = MeshedFile {
             result: MeshResult::new(&made, &controls, true),
             distances,
@@ -186,6 +187,7 @@ impl MeshOptions {
             turned,
             seconds,
             warnings,
+            notes,
             files: outputs.iter().map(|(named, _)| named.clone()).collect(),
         };
         let sheet = done.sheet(&made, &format!("Mesh of {}", self.input.display()));
@@ -295,7 +297,7 @@ impl MeshedFile {
         object["distance_from_input_mm"] = to_json_value(&self.distances.from_body)?;
         object["turned_outwards"] = self.turned.into();
         object["seconds"] = self.seconds.into();
-        object["warnings"] = self.warnings.clone().into();
+        object["warnings"] = [&self.notes[..], &self.warnings].concat().into();
         object["files"] = self.files.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().into();
         Ok(object)
     }

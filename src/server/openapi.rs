@@ -12,14 +12,15 @@ use utoipa::{Modify, OpenApi, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
 
 use super::guard::COOKIE;
-use super::routes::App;
+use super::routes::{self, App};
+use crate::acquire::QualityMode;
 
 #[derive(OpenApi)]
 #[openapi(
     info(title = "grainrig", description = "Watch and drive the rig."),
     // Only a daemon that was given a token asks for one.
     security((), ("bearer" = []), ("cookie" = []), ("query" = [])),
-    components(schemas(StreamedEvent))
+    components(schemas(StreamedEvent, routes::Part, QualityMode))
 )]
 struct Description;
 

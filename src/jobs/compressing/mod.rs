@@ -100,11 +100,7 @@ impl Compression {
             earlier_s = f64::from_le_bytes(*head);
             press.restore(state).map_err(|e| no(e.to_string()))?;
         }
-        let beside = if folder.join(BESIDE).exists() {
-            serde_json::from_slice(&read(BESIDE)?).map_err(|e| no(format!("{BESIDE}: {e}")))?
-        } else {
-            Vec::new()
-        };
+        let beside = kept_beside(folder)?;
         Ok(Self { folder: folder.into(), settings, mesh, press, earlier_s, beside, _held: held })
     }
 
@@ -123,15 +119,8 @@ impl Compression {
         write_whole(&folder, MESH, &mesh_bytes(&placed.mesh))?;
         // The last of the two: where it is, the other is.
         write_whole(&folder, RUN, &text)?;
-        Ok(Self {
-            folder,
-            settings,
-            mesh: placed.mesh,
-            press,
-            earlier_s: 0.0,
-            beside: Vec::new(),
-            _held: held,
-        })
+        let beside = kept_beside(&folder)?;
+        Ok(Self { folder, settings, mesh: placed.mesh, press, earlier_s: 0.0, beside, _held: held })
     }
 
     /// Draws these curves beside its own, also where another process goes on with it.
@@ -312,6 +301,16 @@ impl Compression {
         // What callers print is what the file says.
         serde_json::from_value(value).map_err(encode)
     }
+}
+
+/// The curves that a compression's folder keeps to be drawn beside its own.
+fn kept_beside(folder: &Path) -> Result<Vec<OtherCurve>, JobError> {
+    if !folder.join(BESIDE).exists() {
+        return Ok(Vec::new());
+    }
+    let no = |reason: String| JobError::Resume { path: folder.into(), reason };
+    let text = read_inside(folder, BESIDE, TEXT_LIMIT).map_err(|e| no(e.to_string()))?;
+    serde_json::from_slice(&text).map_err(|e| no(format!("{BESIDE}: {e}")))
 }
 
 /// Keeps curves to be drawn beside a compression's own in its folder.
