@@ -2,7 +2,7 @@
 
 use super::JobError;
 use super::error::Of as _;
-use crate::session::write_whole;
+use crate::session::{SessionError, write_whole};
 use grainrig_core::formats::{FORMATS, Format, Particulars, Reader, Reads, Writes, endings, nrrd, stl};
 use grainrig_core::geometry::{Aabb, ImplicitBody, Point, TriangleMesh, Vector};
 use grainrig_core::mesh::{MOST_TRIANGLES, MeshError, Solid, TetMesh, Voxels, check_extent};
@@ -291,7 +291,11 @@ impl Made<'_> {
 pub(super) fn whole(path: &Path, bytes: &[u8]) -> Result<(), JobError> {
     let folder = path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    write_whole(folder, &name, bytes).map(drop).of(path)
+    let unwritten = |e: SessionError| JobError::Of {
+        name: format!("cannot write {}", path.display()),
+        source: Box::new(e.into()),
+    };
+    write_whole(folder, &name, bytes).map(drop).map_err(unwritten)
 }
 
 /// Refuses a file to write whose kind is not known, or that is the one that is read.
