@@ -4,7 +4,7 @@ use super::of_session::{claim_of, grain};
 use super::others::others;
 use super::{Claim, CompressInput, CompressProgress, CompressRequest, CompressResult, Compression};
 use crate::jobs::error::Of as _;
-use crate::jobs::mesh_files::{Unit, outwards};
+use crate::jobs::mesh_files::{TURNED, Unit, outwards};
 use crate::jobs::{Context, JobError};
 use crate::session::{Recording, to_json_value};
 use grainrig_core::contact::ContactError;
@@ -90,7 +90,10 @@ impl CompressOptions {
         let claim = match &recording {
             Some(recording) if self.out.is_none() => claim_of(recording, &request, true)?.1,
             recording => {
-                let body = recording.as_ref().map_or_else(|| self.body(context), grain)?;
+                let body = match recording {
+                    Some(recording) => grain(recording)?,
+                    None => self.body(context, told)?,
+                };
                 let subject = self.subject();
                 let stem = if self.is_file() { subject.file_stem() } else { Some(subject.as_os_str()) };
                 let usual =
@@ -152,8 +155,8 @@ impl CompressOptions {
         Ok(Some(Recording::read(&context.names.session(given)?)?))
     }
 
-    /// The body of a file, or a sphere.
-    fn body(&self, context: &Context) -> Result<CompressInput, JobError> {
+    /// The body of a file, or a sphere; `told` hears of one that was inside out.
+    fn body(&self, context: &Context, told: &mut dyn FnMut(&str, f64)) -> Result<CompressInput, JobError> {
         if let Some(d) = self.sphere_diameter_mm {
             return sphere(d);
         }
@@ -168,8 +171,11 @@ impl CompressOptions {
             Some(Reads::Surface(read)) => {
                 let mut surface = read(&bytes).of(given)?;
                 surface.vertices.iter_mut().for_each(|p| p.coords *= in_mm);
-                let outwards = outwards(surface, given)?.0.surface().clone();
-                return Ok(CompressInput::Surface(outwards, name));
+                let (solid, was_inwards) = outwards(surface, given)?;
+                if was_inwards {
+                    told(&format!("{name}: {TURNED}"), 0.0);
+                }
+                return Ok(CompressInput::Surface(solid.surface().clone(), name));
             }
             _ => {
                 return Err(JobError::Usage(format!(
