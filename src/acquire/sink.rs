@@ -40,7 +40,7 @@ pub trait FrameSink {
     /// [`SessionError`] where the sink cannot keep anything.
     fn begin(&mut self) -> Result<Earlier, SessionError>;
     /// Begins to look at a whole picture and to make it durable, which may go on behind while the stage turns. The
-    /// next thing that is asked of the sink is its [`verdict`](Self::verdict).
+    /// next thing that is asked of the sink is its [`outcome`](Self::outcome).
     fn offer(&mut self, view: &PlannedView, reached: Angle, frame: Frame, remaining_s: Option<f64>);
     /// Waits for what becomes of the picture that was offered.
     ///

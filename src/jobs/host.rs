@@ -123,7 +123,7 @@ impl Host {
     /// The devices that are there; none is opened.
     ///
     /// # Errors
-    /// [`JobError::Daemon`] where the simulated rig can't be set up.
+    /// [`JobError::Rig`] where the simulated rig can't be set up.
     pub fn devices(&self) -> Result<Vec<DeviceLine>, JobError> {
         devices(&self.config).map_err(JobError::Rig)
     }

@@ -31,7 +31,7 @@ pub struct ResultHead {
 /// The result of a session, as written to `result.json` and printed by `--json`.
 #[derive(Debug, Clone, Serialize)]
 pub struct ResultFile {
-    /// The version of this form: [`SCHEMA`].
+    /// The version of this form: `SCHEMA`.
     pub schema: u32,
     /// The program and its version.
     pub software: String,
