@@ -22,6 +22,9 @@ use std::time::Instant;
 /// A coarse mesh's sizes over a fine one's, as in the published comparison of volumes.
 const COARSE: f64 = 2.0;
 
+/// A mesh whose volume is farther off its body's, as a share, is said to be too coarse; by default it is a few parts in ten thousand.
+const COARSE_VOLUME: f64 = 0.02;
+
 /// A body to be meshed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema, clap::Args)]
 #[serde(deny_unknown_fields)]
@@ -153,7 +156,7 @@ impl MeshOptions {
         let start = Instant::now();
         let path = context.names.input(&self.input)?;
         context.working("reading the body", 0.0);
-        let Input { body, volume_mm3, what, box_mm, moved_mm, places, turned, warnings, bytes } =
+        let Input { body, volume_mm3, what, box_mm, moved_mm, places, turned, mut warnings, bytes } =
             open(&path, self.unit, self.threshold)?;
         let coarser = if self.preset == Some(MeshPreset::Coarse) { COARSE } else { 1.0 };
         let diameter_mm = coarser * (6.0 * volume_mm3 / std::f64::consts::PI).cbrt();
@@ -178,6 +181,14 @@ impl MeshOptions {
         provenance.extend(notes.iter().cloned());
         if turned {
             provenance.push("the input was inside out and has been turned".to_owned());
+        }
+        let off = made.volume_mm3() / volume_mm3 - 1.0;
+        if off.abs() > COARSE_VOLUME {
+            warnings.push(format!(
+                "the mesh's volume is {:+.1} % off the input's: its elements are too large for this shape; give a smaller \
+                 --surface-size-mm, or the distance that it may be off (--distance-mm)",
+                100.0 * off
+            ));
         }
         let done = MeshedFile {
             result: MeshResult::new(&made, &controls, true),

@@ -291,6 +291,13 @@ fn voxels_become_a_mesh_of_their_volume() {
     }
     assert!((made[0] / made[1] - 1.0).abs() < 0.005, "{made:?}");
 
+    // A mesh that is far from its body is not passed over.
+    let coarse = grainrig(at, &["mesh", "a.nrrd", "--surface-size-mm", "0.5", "--force", "--json"]);
+    let result: Value = serde_json::from_slice(&coarse.stdout).unwrap();
+    let warned = result["warnings"].to_string().contains("too large for this shape");
+    let off = result["volume_mm3"].as_f64().unwrap() / result["input_volume_mm3"].as_f64().unwrap() - 1.0;
+    assert!(warned && off.abs() > 0.02, "{off}: {result}");
+
     // Half a ball: the middle of the other half lies on the edge.
     let whole = String::from_utf8_lossy(&grainrig(at, &["mesh", "a.nrrd"]).stderr).into_owned();
     assert!(!whole.contains("edge"), "{whole}");

@@ -66,7 +66,8 @@ pub enum ContactError {
     /// The plates do not meet the body.
     #[error(
         "the plates at z = {lower_mm} and {upper_mm} mm miss the grain, which reaches from {bottom_mm} to {top_mm} mm; put \
-         them at its ends"
+         them at its ends; where a coarse mesh stands out of the surface that it was made of, make it finer where the plates touch \
+         it (size_at_contact_mm)"
     )]
     Missed {
         /// The lower plate's height, mm.
