@@ -99,14 +99,17 @@ function refused(session, { view, tries, cause }) {
 }
 
 /**
- * A verdict with its reasons.
+ * A verdict with its reasons, and what else is to be known.
  * @param {import("./verdict.js").Grading} verdict
  */
-export function grading({ grade, reasons }) {
+export function grading({ grade, reasons, warnings }) {
   const { mark, word } = GRADES[grade];
-  const why = reasons.length === 0 ? "no warnings, and the hull fills every silhouette" : `${reasons.length} reason${reasons.length > 1 ? "s" : ""}`;
+  const count = (/** @type {string[]} */ list, /** @type {string} */ name) => (list.length === 0 ? [] : [`${list.length} ${name}${list.length > 1 ? "s" : ""}`]);
+  const counts = [...count(reasons, "reason"), ...count(warnings, "warning")].join(", ");
+  const why = counts || "the views agree with one another and with one grain";
   const title = make("p", { "data-grade": grade }, make("span", { "aria-hidden": "true" }, `${mark} `), make("b", {}, word), `: ${why}`);
-  return reasons.length === 0 ? [title] : [title, make("ul", { class: "lines" }, ...reasons.map((reason) => make("li", {}, reason)))];
+  const lines = [...reasons, ...warnings];
+  return lines.length === 0 ? [title] : [title, make("ul", { class: "lines" }, ...lines.map((line) => make("li", {}, line)))];
 }
 
 /**

@@ -74,7 +74,13 @@ pub fn views_by(settings: &Settings, count: usize) -> (Vec<Cone>, TruthHandle) {
 /// Memory of this process at its most so far, MB, where the system tells.
 #[allow(dead_code)]
 pub fn most_memory_mb() -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    most_memory_mb_of(std::process::id())
+}
+
+/// The same of another process; `None` where it has ended.
+#[allow(dead_code)]
+pub fn most_memory_mb_of(id: u32) -> Option<f64> {
+    let status = std::fs::read_to_string(format!("/proc/{id}/status")).ok()?;
     let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
     Some(line.split_whitespace().nth(1)?.parse::<f64>().ok()? / 1024.0)
 }

@@ -5,8 +5,9 @@ use super::progress::Progress;
 use super::signals::stoppable;
 use super::{Common, next, usage};
 use crate::jobs::{CaptureOptions, Finished, ResumeOptions, Resumed};
-use crate::pipeline::OUTLINE;
+use crate::pipeline::{OUTLINE, ResultVerdict};
 use anyhow::Result;
+use grainrig_core::silhouette::Verdict;
 
 pub(super) fn run(common: &Common, options: &CaptureOptions) -> Result<()> {
     let progress = Progress::new();
@@ -61,10 +62,22 @@ pub(super) fn report(common: &Common, done: &Finished) -> Result<()> {
     print(&done.result.merge.as_ref().map_or_else(|| summary(done), |m| super::merge::summary(done, m)))
 }
 
+/// Whether the result can be relied on, and why not.
+pub(super) fn verdict_lines(told: &ResultVerdict) -> Vec<String> {
+    let word = match told.verdict {
+        Verdict::Good => "good: the views agree with one another and with one grain",
+        Verdict::Doubtful => "DOUBTFUL",
+        Verdict::Bad => "BAD: do not use it before it is mended",
+    };
+    let reasons = told.reasons.iter().map(|reason| format!("           {reason}"));
+    std::iter::once(format!("verdict    {word}")).chain(reasons).collect()
+}
+
 /// The result in words, a line for each figure.
 pub(super) fn summary(done: &Finished) -> String {
     let r = &done.result;
-    let mut lines = vec![format!("session    {}", done.folder.display())];
+    let mut lines = verdict_lines(&r.verdict);
+    lines.push(format!("session    {}", done.folder.display()));
     if let (Some(hull), Some(volume), Some([low, high])) =
         (r.hull.volume_mm3, r.hull.volume_estimate_mm3, r.hull.volume_interval_mm3)
     {

@@ -21,7 +21,8 @@ pub(super) fn summary(done: &Finished, m: &MergeResult) -> String {
     let single = |p: &crate::pipeline::PoseResult| {
         format!("           {:.5} mm³ by the {} views of {} alone", p.volume_mm3, p.views, p.session)
     };
-    let mut lines = vec![
+    let mut lines = super::capture::verdict_lines(&r.verdict);
+    lines.extend([
         format!("merged     {}", done.folder.display()),
         format!(
             "hull       {:.5} mm³ by all {} views (an upper bound of the grain, with the feet that one pose's pedestal hides)",
@@ -44,7 +45,7 @@ pub(super) fn summary(done: &Finished, m: &MergeResult) -> String {
             "           silhouettes unfilled by {:.3} px along their outlines (limit {:.2} px; each pose alone {:.3} px)",
             m.unfilled.median_view_px, m.limit_px, m.unfilled_alone.median_view_px
         ),
-    ];
+    ]);
     if let Some(rival) = &m.rival {
         lines.push(format!(
             "           the next best turn is {:.0}° off and leaves {:.2} px unfilled, this one {:.2} px",

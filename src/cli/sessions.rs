@@ -75,6 +75,11 @@ pub(super) fn show(common: &Common, arguments: &ShowArguments) -> Result<()> {
     lines.extend(manifest.devices.iter().map(|d| format!("device     {d}")));
     lines.extend(manifest.merged_from.iter().map(|s| format!("merged     from {}", s.name)));
     let result = &about["result"];
+    if let Some(verdict) = result.pointer("/verdict/verdict").and_then(Value::as_str) {
+        lines.push(format!("verdict    {verdict}"));
+        let reasons = result["verdict"]["reasons"].as_array().into_iter().flatten();
+        lines.extend(reasons.map(|reason| format!("           {}", reason.as_str().unwrap_or_default())));
+    }
     let figure = |place: &str| result.pointer(place).and_then(Value::as_f64);
     if let (Some(volume), Some(low), Some(high)) = (
         figure("/hull/volume_estimate_mm3"),

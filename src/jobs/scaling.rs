@@ -10,7 +10,9 @@ use grainrig_core::calibrate::{Artefact, Observation, ScaleError, fit_disc, fit_
 use grainrig_core::formats::decode;
 use grainrig_core::geometry::Angle;
 use grainrig_core::plausible::{self, Doubt};
-use grainrig_core::silhouette::{self, PedestalMode, Picture, Segmentation, Side, Source};
+use grainrig_core::silhouette::{
+    self, EdgeSymmetry, PedestalMode, Picture, Segmentation, Side, Source, ToneCurve,
+};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -225,6 +227,7 @@ pub fn calibrate_scale(request: &ScaleRequest) -> Result<ScaleFile, JobError> {
     let mut sightings = Vec::new();
     let mut pictures = Vec::new();
     let mut warnings = Vec::new();
+    let request = &request.with_tone_curve(&found.images, background.as_ref())?;
     for (image, angle) in found.images.iter().zip(angles) {
         let (sighting, seen, said) = request.look(image, background.as_ref(), angle)?;
         sightings.push(sighting);
@@ -286,6 +289,33 @@ impl ScaleRequest {
             return Err(JobError::Angles { angles: turned.len(), pictures });
         }
         Ok(turned.into_iter().map(|a| Some(Angle::from_deg(a))).collect())
+    }
+
+    /// With the tone curve that the edges of all pictures show together, where neither a person nor the files say which it is.
+    fn with_tone_curve(
+        &self,
+        images: &[SourceImage],
+        background: Option<&Picture>,
+    ) -> Result<Self, JobError> {
+        let mut request = self.clone();
+        if self.silhouette.tone_curve != ToneCurve::Auto {
+            return Ok(request);
+        }
+        let mut all: Option<EdgeSymmetry> = None;
+        for image in images {
+            let picture = picture(image)?;
+            // What cannot be cut out is told when it is looked at.
+            let found = self.silhouette(&picture, background.map(|b| b as &dyn Source)).ok();
+            let Some(one) = found.and_then(|(found, _)| found.symmetry) else { return Ok(request) };
+            match &mut all {
+                Some(all) => all.add(&one),
+                None => all = Some(one),
+            }
+        }
+        if let Some(curve) = all.and_then(|all| all.curve()) {
+            request.silhouette.tone_curve = curve;
+        }
+        Ok(request)
     }
 
     /// One picture: what it shows, and what a person should know of it.

@@ -2,6 +2,7 @@
 
 use super::products::of_mesh;
 use super::result::{HullMethod, HullResult, MeshResult, ResultFile, ResultHead, ViewResult};
+use super::verdict::{ResultVerdict, verdict};
 use super::{Observer, PipelineError, Product, SeenPose, Settings};
 use crate::session::event::EventKind;
 use grainrig_core::geometry::{Aabb, Point};
@@ -81,6 +82,7 @@ pub struct Merged {
     /// The first pose's views, then the second's.
     views: Vec<ViewResult>,
     scale_mm_per_px: Option<f64>,
+    verdict: ResultVerdict,
     warnings: Vec<String>,
 }
 
@@ -92,6 +94,7 @@ impl Merged {
             schema: super::result::SCHEMA,
             software,
             session,
+            verdict: self.verdict.clone(),
             views: self.views.len(),
             scale_mm_per_px: self.scale_mm_per_px,
             axis: None,
@@ -157,7 +160,8 @@ pub fn merge(
     let tetrahedra = mesh(&body, &controls, &mut |done| working("mesh", done))?;
 
     let views = a.views.iter().chain(&b.views).zip(&ious);
-    let views = views.map(|(v, iou)| ViewResult { iou: *iou, ..v.clone() }).collect();
+    let views: Vec<ViewResult> = views.map(|(v, iou)| ViewResult { iou: *iou, ..v.clone() }).collect();
+    let verdict = verdict(&views, &[&a.findings[..], &b.findings].concat());
     let merge = merge_result([a, b], names, &registration, measures.volume_mm3);
     let mut warnings = [&a.warnings[..], &b.warnings].concat();
     if merge.axes_apart_deg < LEAST_AXES_APART_DEG {
@@ -191,6 +195,7 @@ pub fn merge(
         tetrahedra,
         controls,
         views,
+        verdict,
         scale_mm_per_px: a.scale_mm_per_px,
         warnings,
     })

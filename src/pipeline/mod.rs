@@ -4,6 +4,7 @@
 //! decoded, cut out and carved into a live hull at once. When the last one is in, the axis is measured from
 //! opposite silhouettes, the hull is carved again with the measured cameras, meshed and written.
 
+mod agree;
 mod cameras;
 mod convergence;
 mod merge;
@@ -16,6 +17,7 @@ mod reconstruct;
 mod result;
 mod settings;
 mod stream;
+mod verdict;
 
 pub use convergence::{CONVERGENCE, Convergence};
 pub use merge::{MergeResult, Merged, PoseResult, merge};
@@ -32,6 +34,7 @@ pub use settings::{
     Cameras, HullSettings, LengthUnit, MeshSettings, ReportSettings, Settings, TurntableSettings,
 };
 pub use stream::{Observer, Pipeline, SegmentedPicture, View};
+pub use verdict::ResultVerdict;
 
 use grainrig_core::calibrate::AxisError;
 use grainrig_core::formats::ExportError;

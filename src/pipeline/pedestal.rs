@@ -5,7 +5,6 @@ use crate::session::event::Role;
 use grainrig_core::geometry::Point;
 use grainrig_core::silhouette::{PedestalConsensus, PedestalOutline, Side, pedestal_consensus};
 use serde::Serialize;
-use std::sync::Arc;
 
 /// Above the pedestal's top its blurred light mixes with the grain's up to this many standard deviations of the blur.
 const MIXED: f64 = 2.5;
@@ -68,23 +67,15 @@ pub(super) fn recut(
         for one in segmented.iter_mut() {
             let joint = consensus.seen_by(one.found.report.pedestal);
             if one.found.recut(joint) {
-                one.silhouette = Arc::new(one.found.silhouette.clone());
-                if let Some(traits) = &mut one.traits {
-                    traits.take_outline(&one.silhouette);
-                }
+                one.take_outline();
             }
         }
-        for (places, what) in [
-            (&consensus.disagree, "shows another pedestal than"),
-            (&consensus.unseen, "does not show the pedestal as"),
-        ] {
-            warnings.extend(places.iter().map(|&k| {
-                format!(
-                    "view {} {what} the other views do: it is cut at their pedestal's top (row {:.1})",
-                    segmented[k].index, consensus.top_row_px.value
-                )
-            }));
-        }
+        warnings.extend(consensus.disagree.iter().map(|&k| {
+            format!(
+                "view {} shows another pedestal than the other views do: it is cut at their pedestal's top (row {:.1})",
+                segmented[k].index, consensus.top_row_px.value
+            )
+        }));
     }
     let cut = segmented.iter().find(|t| t.role == Role::Grain && t.found.report.touches_border[3]);
     match cut {

@@ -1,14 +1,15 @@
 //! One pose of a grain: cut out and calibrated as for a hull of its own, and carved for its volume.
 
+use super::agree::take_rim;
 use super::cameras::cameras_of;
 use super::pedestal::{self, mixed_px};
 use super::quality::compare;
-use super::reconstruct::{MOST_DEFAULT_CELLS, SegmentedView};
+use super::reconstruct::{ALONE_POINTS, MOST_DEFAULT_CELLS, SegmentedView};
 use super::result::ViewResult;
 use super::{Cameras, LengthUnit, Observer, Pipeline, PipelineError, View};
 use crate::session::event::Role;
 use grainrig_core::geometry::Projection;
-use grainrig_core::hull::{Cone, HullGrid, Measures, find_bounds};
+use grainrig_core::hull::{Cone, HullGrid, Measures, carved_alone, find_bounds};
 use grainrig_core::register::{Cut, Pose, PoseView};
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
@@ -28,7 +29,9 @@ pub struct SeenPose {
     pub has_pedestal: bool,
     /// The views, in the pose's order; how well the merged hull fills them is filled in by it.
     pub(super) views: Vec<ViewResult>,
-    /// What a person should know.
+    /// Findings about the rig.
+    pub(super) findings: Vec<String>,
+    /// What a person should know, the findings among it.
     pub warnings: Vec<String>,
 }
 
@@ -57,7 +60,9 @@ impl Pipeline {
             return Err(PipelineError::MissingViews { got: segmented.len(), expected: self.views });
         }
         segmented.sort_by_key(|t| t.index);
+        self.agree(&mut segmented)?;
         let (consensus, mut warnings) = pedestal::recut(&self.cameras, &mut segmented)?;
+        take_rim(&mut segmented);
         warnings.extend(compare(&self.cameras, &mut segmented, observer));
         let measured =
             cameras_of(&self.cameras, self.full_step_deg, &segmented, consensus.as_ref(), &mut warnings)?;
@@ -80,11 +85,13 @@ impl Pipeline {
         let voxel_mm = self.settings.hull.voxel_mm.unwrap_or(by_default);
         let mut grid = HullGrid::new(&bounds, voxel_mm)?;
         closed.iter().for_each(|c| grid.carve(c));
-        let views = (seen.iter())
-            .map(|(t, _)| ViewResult {
+        let alone = carved_alone(&closed, &bounds, ALONE_POINTS);
+        let views = (seen.iter().zip(alone))
+            .map(|((t, _), carved_alone)| ViewResult {
                 index: t.index,
                 angle_deg: t.angle.deg(),
                 iou: 0.0,
+                carved_alone,
                 silhouette: t.found.report.clone(),
                 quality: t.quality.clone(),
             })
@@ -92,6 +99,8 @@ impl Pipeline {
         let pose = (seen.into_iter())
             .map(|(t, projection)| PoseView { projection, silhouette: Arc::clone(&t.silhouette), cut })
             .collect();
+        let named = |text: String| format!("{name}: {text}");
+        let findings = measured.calibration.map_or_else(Vec::new, |c| c.warnings);
         Ok(SeenPose {
             pose: Pose::new(pose)?,
             measures: grid.measures(),
@@ -99,7 +108,8 @@ impl Pipeline {
             scale_mm_per_px,
             has_pedestal: consensus.is_some(),
             views,
-            warnings: warnings.into_iter().map(|w| format!("{name}: {w}")).collect(),
+            findings: findings.into_iter().map(named).collect(),
+            warnings: warnings.into_iter().map(named).collect(),
         })
     }
 }

@@ -6,13 +6,14 @@ use super::pedestal::contact_patch;
 use super::result::{
     AxisResult, HullMethod, HullResult, MeshResult, ResultFile, ResultHead, Timing, ViewResult,
 };
+use super::verdict::{ResultVerdict, outline_px, verdict};
 use super::{Cameras, LengthUnit, Observer, PipelineError, Product, Settings, TurntableSettings, pictures};
 use crate::session::event::{EventKind, Role};
 use grainrig_core::calibrate::{Calibration, Turntable};
 use grainrig_core::geometry::Angle;
 use grainrig_core::hull::estimate::{Known, estimate};
 use grainrig_core::hull::slices::{SliceError, SlicedHull};
-use grainrig_core::hull::{Cone, HullGrid, VisualHull, find_bounds, silhouette_iou};
+use grainrig_core::hull::{Cone, HullGrid, VisualHull, carved_alone, find_bounds, silhouette_iou};
 use grainrig_core::mesh::{Controls, TetMesh, mesh};
 use grainrig_core::plausible::{self, Doubt};
 use grainrig_core::report::{Sheet, Shot};
@@ -22,6 +23,9 @@ use std::time::Instant;
 
 /// The finest default grid: cells along the hull's longest edge.
 pub(super) const MOST_DEFAULT_CELLS: f64 = 400.0;
+
+/// Points along the hull's longest edge at which is looked what single views carve away.
+pub(super) const ALONE_POINTS: usize = 96;
 
 /// Silhouettes of one rigid body that is seen by the right cameras agree better than this.
 const LEAST_AGREEMENT: f64 = 0.95;
@@ -35,6 +39,8 @@ pub struct SegmentedView {
     pub role: Role,
     /// The stage's angle.
     pub angle: Angle,
+    /// Its picture file, to cut it out again.
+    pub bytes: Vec<u8>,
     /// The outline, shared with the hull.
     pub silhouette: Arc<Silhouette>,
     /// How it was found.
@@ -74,6 +80,8 @@ pub struct Reconstruction {
     pub outlines: Vec<Product>,
     /// The sheet of the calibration, where pictures were asked for.
     pub sheet: Option<Sheet>,
+    /// Whether it can be relied on.
+    pub verdict: ResultVerdict,
     /// Seconds each stage took.
     pub timing_s: Timing,
     /// What a person should know.
@@ -88,6 +96,7 @@ impl Reconstruction {
             schema: super::result::SCHEMA,
             software,
             session,
+            verdict: self.verdict.clone(),
             views: self.views.len(),
             scale_mm_per_px: self.scale_mm_per_px,
             axis: self.axis,
@@ -200,6 +209,7 @@ pub(super) fn reconstruct(
         use rayon::prelude::*;
         cones.par_iter().map(|c| silhouette_iou(c, &triangles)).collect()
     };
+    let alone = carved_alone(&cones, &tight.grown(0.05 * longest), ALONE_POINTS);
     let patch =
         consensus.as_ref().zip(scale_mm_per_px).map(|(s, mm_per_px)| contact_patch(s, mm_per_px, &triangles));
     drop(triangles);
@@ -212,6 +222,7 @@ pub(super) fn reconstruct(
             scale: calibration.as_ref().and_then(Calibration::scale_share),
             cameras: calibration.as_ref().map_or(0.0, |c| c.volume_share(volume.1)),
             foot: patch.map_or(0.0, |p| p.volume_share),
+            outline_px: outline_px(segmented, &ious),
         },
     );
     if let Err(why) = &estimate {
@@ -233,15 +244,18 @@ pub(super) fn reconstruct(
     }
     let views: Vec<ViewResult> = (segmented.iter())
         .filter(|t| t.role == Role::Grain)
-        .zip(&ious)
-        .map(|(t, iou)| ViewResult {
+        .zip(ious.iter().zip(&alone))
+        .map(|(t, (iou, alone))| ViewResult {
             index: t.index,
             angle_deg: t.angle.deg(),
             iou: *iou,
+            carved_alone: *alone,
             silhouette: t.found.report.clone(),
             quality: t.quality.clone(),
         })
         .collect();
+    let findings = calibration.as_ref().map_or(&[][..], |c| &c.warnings);
+    let verdict = verdict(&views, findings);
     let worst = views.iter().min_by(|a, b| a.iou.total_cmp(&b.iou));
     if let Some(view) = worst.filter(|v| v.iou < LEAST_AGREEMENT) {
         warnings.push(format!(
@@ -275,6 +289,7 @@ pub(super) fn reconstruct(
         ),
         mesh: MeshResult::new(&tetrahedra, &controls, metric),
         views,
+        verdict,
         scale_mm_per_px,
         axis,
         consensus,

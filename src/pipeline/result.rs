@@ -3,10 +3,11 @@
 use super::convergence::Convergence;
 use super::merge::MergeResult;
 use super::pedestal::ContactPatch;
+use super::verdict::ResultVerdict;
 use grainrig_core::calibrate::{AxisMethod, Calibration};
 use grainrig_core::geometry::Aabb;
 use grainrig_core::hull::estimate::{Share, Signs, VolumeEstimate};
-use grainrig_core::hull::{Measures, VoxelCount};
+use grainrig_core::hull::{CarvedAlone, Measures, VoxelCount};
 use grainrig_core::mesh::{Controls, Dihedral, TetMesh};
 use grainrig_core::silhouette::{PedestalConsensus, Report, ViewQuality};
 use serde::Serialize;
@@ -37,6 +38,8 @@ pub struct ResultFile {
     pub software: String,
     /// Name of the session.
     pub session: String,
+    /// Whether hull and volume can be relied on.
+    pub verdict: ResultVerdict,
     /// Views that carved the hull.
     pub views: usize,
     /// Size of a pixel at the axis, mm; `null` where each view has a camera of its own.
@@ -91,6 +94,8 @@ pub struct ViewResult {
     pub angle_deg: f64,
     /// Intersection over union of the silhouette and the hull seen again by this view.
     pub iou: f64,
+    /// What of the hull this view alone carves away.
+    pub carved_alone: CarvedAlone,
     /// How the silhouette was found.
     pub silhouette: Report,
     /// How good the view is, by itself and against the others; `null` where it was not judged.

@@ -1,5 +1,6 @@
 //! Views stream through: decoded and cut out on worker threads, carved into a live hull as they come.
 
+use super::agree::{Decision, take_rim};
 use super::pedestal;
 use super::quality::compare;
 use super::reconstruct::{Reconstruction, SegmentedView, provisional_camera, reconstruct};
@@ -11,7 +12,7 @@ use grainrig_core::formats::Photograph;
 use grainrig_core::geometry::{Aabb, Angle, Point};
 use grainrig_core::hull::{Cone, HullGrid};
 use grainrig_core::report::Shot;
-use grainrig_core::silhouette::{self, Segmentation, Source, Traits, ViewQuality};
+use grainrig_core::silhouette::{self, Known, Segmentation, Source, Traits, ViewQuality};
 use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -84,12 +85,20 @@ impl SegmentedPicture {
         self.traits.as_ref()
     }
 
+    /// Notes what all views decided on the tone curve.
+    pub(super) fn take_decision(&mut self, decision: &Decision) {
+        if let Some(from) = decision.from {
+            self.found.report.tone_curve_from = from;
+        }
+    }
+
     /// As the cut-out of a view.
-    fn of(self, view: &View) -> SegmentedView {
+    fn of(self, view: View) -> SegmentedView {
         SegmentedView {
             index: view.index,
             role: view.role,
             angle: view.angle,
+            bytes: view.bytes,
             silhouette: Arc::new(self.found.silhouette.clone()),
             found: self.found,
             shot: self.shot,
@@ -97,6 +106,24 @@ impl SegmentedPicture {
             traits: self.traits,
             seconds: self.seconds,
         }
+    }
+}
+
+impl SegmentedView {
+    /// Takes over the outline that was found last.
+    pub(super) fn take_outline(&mut self) {
+        self.silhouette = Arc::new(self.found.silhouette.clone());
+        if let Some(traits) = &mut self.traits {
+            traits.take_outline(&self.silhouette);
+        }
+    }
+
+    /// Cut out otherwise.
+    pub(super) fn replace(&mut self, by: SegmentedPicture) {
+        let SegmentedPicture { found, shot, quality, traits, seconds } = by;
+        self.silhouette = Arc::new(found.silhouette.clone());
+        self.seconds += seconds;
+        (self.found, self.shot, self.quality, self.traits) = (found, shot, quality, traits);
     }
 }
 
@@ -135,7 +162,9 @@ impl Pipeline {
             return Err(PipelineError::MissingViews { got: segmented.len(), expected: self.views });
         }
         segmented.sort_by_key(|t| t.index);
+        self.agree(&mut segmented)?;
         let (consensus, warnings) = pedestal::recut(&self.cameras, &mut segmented)?;
+        take_rim(&mut segmented);
         let told = compare(&self.cameras, &mut segmented, observer);
         let cameras = (&self.cameras, self.full_step_deg);
         let mut made = reconstruct(&self.settings, cameras, &segmented, (consensus, warnings), observer)?;
@@ -224,7 +253,8 @@ impl Pipeline {
                 None => debug_span!("view", index = view.index, angle_deg = view.angle.deg())
                     .in_scope(|| self.segment(view.index, &view.bytes)),
             };
-            if send.send((place, view.index, segmented.map(|it| it.of(&view)))).is_err() {
+            let index = view.index;
+            if send.send((place, index, segmented.map(|it| it.of(view)))).is_err() {
                 return;
             }
         }
@@ -232,8 +262,19 @@ impl Pipeline {
 
     /// Decodes a picture, finds its silhouette and judges it. The view's index is for messages.
     pub(super) fn segment(&self, view: usize, bytes: &[u8]) -> Result<SegmentedPicture, PipelineError> {
+        self.segment_with(view, bytes, &self.settings.silhouette, &Known::default())
+    }
+
+    /// The same with other settings, and with what the other views say.
+    pub(super) fn segment_with(
+        &self,
+        view: usize,
+        bytes: &[u8],
+        settings: &silhouette::Settings,
+        known: &Known,
+    ) -> Result<SegmentedPicture, PipelineError> {
         let start = Instant::now();
-        let ended = self.found(view, bytes, start);
+        let ended = self.found(view, bytes, (settings, known), start);
         let ms = ms_since(start);
         match &ended {
             Ok(it) => debug!(ms, outcome = "found", area_px = it.found.report.area_px, "silhouette"),
@@ -242,11 +283,17 @@ impl Pipeline {
         ended
     }
 
-    fn found(&self, view: usize, bytes: &[u8], start: Instant) -> Result<SegmentedPicture, PipelineError> {
+    fn found(
+        &self,
+        view: usize,
+        bytes: &[u8],
+        (settings, known): (&silhouette::Settings, &Known),
+        start: Instant,
+    ) -> Result<SegmentedPicture, PipelineError> {
         let picture = Photograph::open(bytes)
             .map_err(|reason| ViewFault::Decode { bytes: bytes.len(), reason }.of(view))?;
         let background = self.background.as_ref().map(|stage| stage as &dyn Source);
-        let found = silhouette::find(&picture, background, &self.settings.silhouette)
+        let found = silhouette::find_with(&picture, background, settings, known)
             .map_err(|source| ViewFault::Silhouette(source).of(view))?;
         // Given cameras say what the picture covers; before a turntable the whole grain must be seen.
         if matches!(self.cameras, Cameras::Turntable(_)) {

@@ -235,7 +235,7 @@ fn clean_rigs_raise_no_alarm_however_many_views_they_have() {
     assert!(alarms.is_empty(), "{alarms:?}");
 }
 
-/// However small the grain is in the pictures, and however few they are. Of 128 rigs one of 30 px still raises one.
+/// However small the grain is in the pictures, and however few they are.
 #[test]
 fn clean_rigs_raise_no_alarm_however_small_the_grain() {
     let plans = [6, 8, 10, 12, 15, 20, 25, 36];

@@ -32,7 +32,7 @@ fn every_view_has_its_outline_on_the_edge_of_the_grain() {
         assert_eq!(Path::new(path), products.canonicalize().unwrap().join(file));
         let drawn = picture(&products.join(file));
         assert!(drawn.width().max(drawn.height()) <= 1100, "{file}: {:?}", drawn.dimensions());
-        // Row by row from the left: bright background, the outline, the darker grain.
+        // Row by row from the left: bright background, the outline, the darker grain; half of their light is a grey value of 165.
         let (mut rows, mut between) = (0, 0);
         for y in (0..drawn.height() - 30).step_by(7) {
             let Some(x) = (12..drawn.width() - 12).find(|x| is_outline(*drawn.get_pixel(*x, y))) else {
@@ -40,7 +40,7 @@ fn every_view_has_its_outline_on_the_edge_of_the_grain() {
             };
             let level = |x: u32| drawn.get_pixel(x, y).0[1];
             rows += 1;
-            between += usize::from(level(x - 8) > 150 && level(x + 10) < 150);
+            between += usize::from(level(x - 8) > 165 && level(x + 10) < 165);
         }
         assert!(rows > 20 && 10 * between >= 9 * rows, "{file}: {between} of {rows} rows");
     }

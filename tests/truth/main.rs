@@ -12,4 +12,5 @@ mod simulated_truth;
 #[path = "../support/skip.rs"]
 mod skip;
 mod study;
+mod tone_curve;
 mod volume_estimate;

@@ -25,7 +25,7 @@ test("a run that ends with a slip does not end green, and the newest grain is th
   const faults = { slip: { at: 12, deg: 6 } };
   await run("slipped", { ...WHOLE, simulated: { ...SMALL.simulated, faults } });
   await says("state", /^Complete$/, LIMIT_MS);
-  await says("verdict", /✗ Bad: \d+ reason/);
+  await says("verdict", /! Doubtful: \d+ reason/);
   await says("verdict", /slipped/);
   const [state, good] = await page.evaluate(() => {
     const probe = document.body.appendChild(document.createElement("i"));
@@ -35,7 +35,7 @@ test("a run that ends with a slip does not end green, and the newest grain is th
     return colours;
   });
   assert.notEqual(state, good);
-  assert.match(await page.title(), /bad/);
+  assert.match(await page.title(), /doubtful/);
   for (const width of [1280, 360]) {
     await page.setViewportSize({ width, height: 900 });
     await fits();

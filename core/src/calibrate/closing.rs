@@ -30,6 +30,10 @@ const LEAST_NOISE_PX: f64 = 0.05;
 /// Share of the height over which residuals are alike, and blocks whose sums are compared for the uncertainty.
 const ALIKE: f64 = 0.08;
 const BLOCKS: usize = 10;
+/// But no fewer pixels of the height: blur, pixels and a file's blocks move a whole stretch of an outline, however small the grain.
+const ALIKE_PX: f64 = 10.0;
+const LEAST_BLOCKS: usize = 3;
+
 /// Turns that are alike, radians.
 const SAME_RAD: f64 = 0.02;
 /// Outlines whose mean square difference is below this share of what a turn makes of them have not turned so.
@@ -204,7 +208,7 @@ fn closing(views: [usize; 2], met: &[DirectionPair], angles: &[f64], profiles: &
             });
         }
     }
-    let [rad, sigma_rad] = regress(&rows, m, profiles.height_px)?;
+    let [rad, sigma_rad] = regress(&rows, m, profiles.height_px, pitch)?;
     let turned_px2 = (0..angles.len())
         .filter(|other| !views.contains(other))
         .flat_map(|other| views.map(|v| ((angles[v] - angles[other]).abs() % TAU, [v, other])))
@@ -246,7 +250,7 @@ fn smooth(values: &[f64]) -> Vec<f64> {
 }
 
 /// δ and its standard deviation; rows come in groups of `m` heights.
-fn regress(rows: &[Row], m: usize, height_px: f64) -> Option<[f64; 2]> {
+fn regress(rows: &[Row], m: usize, height_px: f64, pitch_px: f64) -> Option<[f64; 2]> {
     let prior =
         [0.0, (2.0 * height_px).powi(2), ELEVATION_RAD.powi(-2), SHIFT_PX.powi(-2), ROLL_RAD.powi(-2)];
     let mut noise = 3.0 * LEAST_NOISE_PX;
@@ -284,12 +288,14 @@ fn regress(rows: &[Row], m: usize, height_px: f64) -> Option<[f64; 2]> {
     let mut spread = Matrix5::zeros();
     let pulls: Vec<Vector5<f64>> =
         (rows.iter().zip(residuals.iter().zip(&weights))).map(|(r, (e, w))| r.x * (e * w)).collect();
-    for block in pulls.chunks(m).flat_map(|group| group.chunks(m.div_ceil(BLOCKS))) {
+    let alike_rows = (ALIKE * m as f64).max(ALIKE_PX / pitch_px);
+    let blocks_in = ((m as f64 / alike_rows) as usize).clamp(LEAST_BLOCKS, BLOCKS);
+    for block in pulls.chunks(m).flat_map(|group| group.chunks(m.div_ceil(blocks_in))) {
         let sum: Vector5<f64> = block.iter().sum();
         spread += sum * sum.transpose();
     }
-    let blocks = (inverse * spread * inverse)[(0, 0)] * BLOCKS as f64 / (BLOCKS as f64 - 1.5);
-    let sigma = blocks.max(inverse[(0, 0)] * ALIKE * m as f64).sqrt();
+    let blocks = (inverse * spread * inverse)[(0, 0)] * blocks_in as f64 / (blocks_in as f64 - 1.5);
+    let sigma = blocks.max(inverse[(0, 0)] * alike_rows).sqrt();
     (found[0].is_finite() && sigma.is_finite()).then_some([found[0], sigma])
 }
 

@@ -98,6 +98,7 @@ impl Priors {
 }
 
 /// The parameters, and how sure they are.
+#[derive(Clone)]
 pub(super) struct Fit {
     pub line: AxisLine,
     /// All parameters; the first two are corrections that `line` has taken up.

@@ -24,6 +24,9 @@ const CLOSING_RAD: f64 = 0.1 * RAD_PER_DEG;
 const CLOSING_SHARE: f64 = 0.12;
 /// The change must matter, radians at the end of the turn.
 const LEAST_RAD: f64 = 0.62 * RAD_PER_DEG;
+/// And so many pixels of the outline at its mean reach: blur, pixels and a file's blocks move the outline of a small grain by as much in
+/// several views alike, which nothing tells from a turn.
+const LEAST_PX: f64 = 0.6;
 const RAD_PER_DEG: f64 = std::f64::consts::PI / 180.0;
 /// Grids on which changes are tried: pitch and count to either side.
 const GRIDS: [(f64, i32); 2] = [(0.1 * RAD_PER_DEG, 25), (1.5 * RAD_PER_DEG, 20)];
@@ -338,6 +341,7 @@ fn variance(c: &Closing, expected_rad: f64) -> f64 {
 fn one(views: &[Sample], priors: &Priors, now: &Turning) -> Option<Turning> {
     use rayon::prelude::*;
     let search = Search::new(views, now);
+    let least_rad = LEAST_RAD.max(LEAST_PX / now.fit.mean_reach_px.max(1.0));
     let n = now.angles.len();
     let likeliest = |change: Change, (pitch, count): (f64, i32)| {
         (-count..=count)
@@ -352,7 +356,7 @@ fn one(views: &[Sample], priors: &Priors, now: &Turning) -> Option<Turning> {
     tried.sort_by(|a, b| b.0.total_cmp(&a.0));
     // Every step a little wrong leaves no mark at one view: it is always among the likeliest.
     let step = tried.iter().find(|t| t.1.change == Change::Step).map(|t| t.1);
-    tried.retain(|t| t.1.rad.abs() > LEAST_RAD && t.0 > LEAST_EVIDENCE);
+    tried.retain(|t| t.1.rad.abs() > least_rad && t.0 > LEAST_EVIDENCE);
     let best = tried.first()?.0;
     // The equations were written for angles that were wrong: write them again for each of the likeliest.
     let mut candidates: Vec<Tried> = tried.iter().take(WORKED_OUT).map(|t| t.1).collect();
@@ -374,7 +378,7 @@ fn one(views: &[Sample], priors: &Priors, now: &Turning) -> Option<Turning> {
     let stepped = worked.iter().find(|w| w.1.change == Change::Step).map(|w| (w.0, w.1));
     let sure = |(score, candidate, _): &(f64, Tried, Fit)| {
         let [rad, sigma_rad] = search.how_much(candidate);
-        *score > LEAST_EVIDENCE && rad.abs() > LEAST_RAD.max(SURE_SIGMAS * sigma_rad)
+        *score > LEAST_EVIDENCE && rad.abs() > least_rad.max(SURE_SIGMAS * sigma_rad)
     };
     let (score, candidate, fitted) = worked.into_iter().find(sure)?;
     let [rad, sigma_rad] = search.how_much(&candidate);

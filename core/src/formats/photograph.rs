@@ -2,7 +2,7 @@
 
 use super::Encoding;
 use super::jpeg::Jpeg;
-use crate::silhouette::{Grid, Picture, SilhouetteError, Source};
+use crate::silhouette::{Grid, Picture, SilhouetteError, Source, ToneCurve};
 use image::{ImageFormat, ImageReader, Limits};
 use std::borrow::Cow;
 use std::io::Cursor;
@@ -11,7 +11,13 @@ use std::ops::Range;
 /// A photograph in which the grain can be looked for: large JPEGs as cameras write them stay as they are and are
 /// decoded where they are looked at, all others are decoded already.
 #[derive(Debug, Clone)]
-pub enum Photograph {
+pub struct Photograph {
+    form: Form,
+    tone_curve: Option<ToneCurve>,
+}
+
+#[derive(Debug, Clone)]
+enum Form {
     /// Looked through once.
     Jpeg(Jpeg),
     /// Decoded.
@@ -24,20 +30,21 @@ impl Photograph {
     /// # Errors
     /// As [`decode`].
     pub fn open(bytes: &[u8]) -> Result<Self, String> {
+        let tone_curve = stated_tone_curve(bytes);
         // A file that is in any way unusual, or damaged, is the general decoder's to judge.
         if Encoding::sniff(bytes) == Some(Encoding::Jpeg)
             && is_ended(bytes)
             && let Some(jpeg) = Jpeg::read(bytes)
         {
-            return Ok(Self::Jpeg(jpeg));
+            return Ok(Self { form: Form::Jpeg(jpeg), tone_curve });
         }
-        decode(bytes).map(Self::Pixels)
+        Ok(Self { form: Form::Pixels(decode(bytes)?), tone_curve })
     }
 
     fn source(&self) -> &dyn Source {
-        match self {
-            Self::Jpeg(jpeg) => jpeg,
-            Self::Pixels(picture) => picture,
+        match &self.form {
+            Form::Jpeg(jpeg) => jpeg,
+            Form::Pixels(picture) => picture,
         }
     }
 }
@@ -45,6 +52,10 @@ impl Photograph {
 impl Source for Photograph {
     fn shape(&self) -> [usize; 3] {
         self.source().shape()
+    }
+
+    fn tone_curve(&self) -> Option<ToneCurve> {
+        self.tone_curve
     }
 
     fn at_hand(&self) -> Option<&Picture> {
@@ -69,6 +80,43 @@ impl Source for Photograph {
 
     fn part(&self, columns: &Range<usize>, rows: &Range<usize>) -> Vec<u8> {
         self.source().part(columns, rows)
+    }
+}
+
+/// Bytes at a file's beginning in which it says how it is coded.
+const HEAD: usize = 1 << 16;
+
+/// The tone curve that a file states: a PNG in words, a JPEG by being a camera's (Exif) or by having a colour profile, all
+/// common ones of which are coded by sRGB's curve or one close to it.
+fn stated_tone_curve(bytes: &[u8]) -> Option<ToneCurve> {
+    let head = &bytes[..bytes.len().min(HEAD)];
+    match Encoding::sniff(bytes)? {
+        Encoding::Jpeg => {
+            let says = |mark: &[u8]| memchr::memmem::find(head, mark).is_some();
+            (says(b"Exif\0\0") || says(b"ICC_PROFILE\0")).then_some(ToneCurve::Srgb)
+        }
+        Encoding::Png => {
+            // Length, name, data and check of each chunk, up to the pixels (PNG 3, 5.3).
+            let mut rest = head.get(8..)?;
+            let mut gamma = None;
+            while let [a, b, c, d, n0, n1, n2, n3, data @ ..] = rest {
+                let length = u32::from_be_bytes([*a, *b, *c, *d]) as usize;
+                match &[*n0, *n1, *n2, *n3] {
+                    b"sRGB" | b"iCCP" => return Some(ToneCurve::Srgb),
+                    b"gAMA" => gamma = data.get(..4).and_then(|v| v.try_into().ok()).map(u32::from_be_bytes),
+                    b"IDAT" => break,
+                    _ => {}
+                }
+                rest = data.get(length.checked_add(4)?..)?;
+            }
+            // 100000 times the exponent that made the file from light.
+            match gamma? {
+                95_000..=105_000 => Some(ToneCurve::Linear),
+                40_000..=60_000 => Some(ToneCurve::Srgb),
+                _ => None,
+            }
+        }
+        Encoding::Tiff => None,
     }
 }
 
@@ -108,7 +156,8 @@ pub fn decode(bytes: &[u8]) -> Result<Picture, String> {
     } else {
         (1, picture.into_luma8().into_raw())
     };
-    Picture::new(width, height, channels, data).map_err(|e| e.to_string())
+    let picture = Picture::new(width, height, channels, data).map_err(|e| e.to_string())?;
+    Ok(picture.coded(stated_tone_curve(bytes)))
 }
 
 /// Whether a JPEG has its end marker; some cameras fill the file up with zeros after it.
@@ -126,6 +175,30 @@ mod tests {
         let mut out = Cursor::new(Vec::new());
         picture.write_to(&mut out, format).unwrap();
         out.into_inner()
+    }
+
+    #[test]
+    fn a_file_that_says_how_it_codes_light_is_heard() {
+        let grey = DynamicImage::from(GrayImage::from_fn(40, 30, |x, y| image::Luma([(x * 5 + y) as u8])));
+        let png = encoded(&grey, ImageFormat::Png);
+        let with = |name: &[u8], data: &[u8]| {
+            // After the header's chunk: 8 bytes of signature, 25 of the chunk; nobody checks the sum here.
+            let mut bytes = png[..33].to_vec();
+            bytes.extend((data.len() as u32).to_be_bytes());
+            [name, data, &[0; 4], &png[33..]].iter().for_each(|part| bytes.extend_from_slice(part));
+            bytes
+        };
+        assert_eq!(stated_tone_curve(&png), None);
+        assert_eq!(stated_tone_curve(&with(b"sRGB", &[0])), Some(ToneCurve::Srgb));
+        assert_eq!(stated_tone_curve(&with(b"gAMA", &100_000u32.to_be_bytes())), Some(ToneCurve::Linear));
+        assert_eq!(stated_tone_curve(&with(b"gAMA", &45_455u32.to_be_bytes())), Some(ToneCurve::Srgb));
+        let jpeg = encoded(&grey, ImageFormat::Jpeg);
+        assert_eq!(stated_tone_curve(&jpeg), None);
+        let camera = [&jpeg[..2], &[0xff, 0xe1, 0, 8], b"Exif\0\0", &jpeg[2..]].concat();
+        assert_eq!(stated_tone_curve(&camera), Some(ToneCurve::Srgb));
+        for cut in 0..png.len().min(80) {
+            stated_tone_curve(&with(b"gAMA", &[0, 0])[..cut]);
+        }
     }
 
     #[test]

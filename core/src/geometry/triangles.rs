@@ -53,6 +53,30 @@ impl TriangleMesh {
             .sum();
         six / 6.0
     }
+    /// The enclosed volume above the plane z = 0, mm³: of a grain, what silhouettes above the pedestal can show.
+    pub fn volume_above_zero_mm3(&self) -> f64 {
+        // By the divergence theorem with the field (0, 0, z), whose flux through the cut at z = 0 vanishes.
+        let mut volume = 0.0;
+        for t in 0..self.triangles.len() {
+            let corners = self.corners(t);
+            let mut kept: Vec<Point> = Vec::with_capacity(4);
+            for i in 0..3 {
+                let (p, q) = (corners[i], corners[(i + 1) % 3]);
+                if p.z >= 0.0 {
+                    kept.push(p);
+                }
+                if (p.z >= 0.0) != (q.z >= 0.0) {
+                    kept.push(p + (q - p) * (p.z / (p.z - q.z)));
+                }
+            }
+            for i in 2..kept.len() {
+                let (a, b, c) = (kept[0], kept[i - 1], kept[i]);
+                let area_xy = 0.5 * ((b.x - a.x) * (c.y - a.y) - (c.x - a.x) * (b.y - a.y));
+                volume += area_xy * (a.z + b.z + c.z) / 3.0;
+            }
+        }
+        volume
+    }
     /// The area, mm².
     pub fn area_mm2(&self) -> f64 {
         (0..self.triangles.len())

@@ -18,6 +18,7 @@
 //! Of a grain with hollows it is more, and not less with more views about the same axis: see [`estimate`].
 //! [`HullGrid`] takes views before any camera, one by one; [`slices`] is exact before level parallel rays.
 
+mod alone;
 mod bounds;
 mod cone;
 pub mod estimate;
@@ -27,6 +28,7 @@ mod measure;
 mod reproject;
 pub mod slices;
 
+pub use alone::{CarvedAlone, carved_alone};
 pub use bounds::find_bounds;
 pub use cone::Cone;
 pub use grid::{HullGrid, VoxelCount};

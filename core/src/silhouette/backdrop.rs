@@ -1,6 +1,7 @@
 //! Background model, what the picture would show without the grain: a smooth surface through the background, on top of the
 //! picture of the empty stage where there is one.
 
+use super::rect::Rect;
 use super::reduced::Reduced;
 use nalgebra::{SMatrix, SVector};
 
@@ -117,6 +118,13 @@ impl Backdrop {
 
     fn at(&self, basis: &[f64; TERMS]) -> f64 {
         basis.iter().zip(&self.terms).map(|(b, t)| b * t).sum()
+    }
+
+    /// The background's grey level in the middle of a rectangle.
+    pub(super) fn level_at(&self, rect: &Rect) -> f32 {
+        let mut row = vec![0.0; rect.width().max(1)];
+        self.row(usize::midpoint(rect.y0, rect.y1), rect.x0, &mut row);
+        row[row.len() / 2]
     }
 
     /// The background's grey levels along a row, for `out.len()` columns from `x0` on.

@@ -61,7 +61,6 @@ impl Channel {
     pub(super) fn handicap(self) -> f64 {
         match self {
             Self::Auto | Self::Luma => 0.0,
-            Self::Red | Self::Green | Self::Blue => 0.01,
             _ => 0.03,
         }
     }

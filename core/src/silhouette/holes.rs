@@ -42,6 +42,13 @@ pub(super) fn fill(mask: &mut Mask, plane: &Plane, open: Option<&Background>) ->
     (0..components.len()).filter(|&k| kept[k] && !outside(&components[k], mask)).count()
 }
 
+/// Fills all openings of a mask.
+pub(super) fn fill_all(mask: &mut Mask) {
+    let (runs, components) = mask.complement().components(Connect::Sides);
+    let is_opening: Vec<bool> = components.iter().map(|c| !outside(c, mask)).collect();
+    fill_runs(mask, &runs, |k| is_opening[k]);
+}
+
 /// Whether a clear component reaches the end of the rectangle: it is the world outside, not an opening.
 fn outside(c: &Component, mask: &Mask) -> bool {
     c.least[0] == 0 || c.least[1] == 0 || c.greatest[0] + 1 == mask.width || c.greatest[1] + 1 == mask.height

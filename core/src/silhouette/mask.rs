@@ -97,6 +97,11 @@ impl Mask {
         Self { width: part.width(), height: part.height(), bits: part.part_of(&self.bits, self.width) }
     }
 
+    /// Takes in what is in another mask of the same size.
+    pub(super) fn add(&mut self, other: &Self) {
+        self.bits.iter_mut().zip(&other.bits).for_each(|(bit, other)| *bit |= other);
+    }
+
     pub(super) fn complement(&self) -> Self {
         Self { bits: self.bits.iter().map(|b| 1 - b).collect(), ..*self }
     }

@@ -7,19 +7,25 @@
 //! ```
 //!
 //! A mask that is one pixel too large everywhere costs 1.2 % of a grain's volume, so the outline is placed
-//! between pixels, where the grey value is half-way between the grain and the background beside it.
+//! between pixels, where the light is half-way between the grain and the background beside it.
 
 mod backdrop;
 mod channel;
 mod despeckle;
 mod distance;
+mod edge_fit;
 mod error;
+mod faint;
 mod field;
 mod find;
+mod finish;
 mod frame;
+mod hair;
 mod highlights;
 mod holes;
 mod ideal;
+mod lit;
+mod look;
 mod mask;
 mod otsu;
 mod otsu_area;
@@ -27,27 +33,37 @@ mod outline;
 mod pedestal;
 mod picture;
 mod pieces;
+mod place;
 mod plane;
 mod quality;
 mod rect;
 mod recut;
 mod reduced;
 mod report;
+mod rim;
 mod search;
 mod settings;
 mod source;
+mod symmetry;
+mod tone;
 mod valley;
 
 pub use channel::Channel;
 pub use error::SilhouetteError;
 pub use field::Silhouette;
-pub use find::{Segmentation, find};
+pub use find::{Known, Segmentation, find, find_with};
 pub use otsu::{Histogram, Split2, Split3};
-pub use pedestal::{ConsensusValue, PedestalConsensus, Uncut, pedestal_consensus};
+pub use pedestal::{
+    ConsensusValue, PedestalConsensus, SmallCopy, Uncut, pedestal_consensus, standing_pedestal,
+};
 pub use picture::Picture;
 pub use quality::{
     Bound, Check, Traits, Verdict, ViewQuality, ViewTraits, against, assess, between, sharpness,
 };
-pub use report::{PedestalOutline, Report, Side};
+pub use report::{PedestalOutline, Report, Side, ToneSource};
+pub use rim::{EdgeTail, LocalRim};
 pub use settings::{Classes, Holes, PedestalMode, Polarity, Settings};
 pub use source::{Grid, Source};
+pub use symmetry::EdgeSymmetry;
+pub use tone::ToneCurve;
+pub use valley::joint_threshold;

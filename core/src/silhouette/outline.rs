@@ -18,6 +18,8 @@ use rayon::prelude::*;
 pub(super) const BAND: usize = 3;
 /// The blur of such a picture after smoothing, pixels.
 pub(super) const IN_FOCUS: f64 = 1.0;
+/// What the mean over 3×3 pixels adds to the blur, in squares, pixels.
+pub(super) const SMOOTHED_PX: f64 = 0.816_496_580_927_726;
 /// The widest band: a picture that needs more shows no outline.
 pub(super) const WIDEST: usize = 16;
 /// How far from a body, pixels, anything matters to its outline within a band: where background is read, and what is
@@ -72,6 +74,9 @@ pub(super) struct OutlineInput<'a> {
     pub threshold: f64,
     /// Least level of an outline, grey levels: below it the background's noise would be outlined.
     pub least_level: f64,
+    /// How often the square root is drawn of levels beside the edge before they are averaged: the oftener, the less a highlight
+    /// weighs beside a dim rim.
+    pub roots: u32,
 }
 
 /// Places the outline.
@@ -172,7 +177,9 @@ impl Levels {
                     }
                     if inner.bits[k] != 0 {
                         if deep && !(parts.excluded)(k % w, k / w) {
-                            grain.add(roots[usize::from(less2[k])], f64::from(level(plane.values[k])));
+                            let seen = f64::from(level(plane.values[k]));
+                            let weighed = (0..parts.roots).fold(seen.abs(), |v, _| v.sqrt()) * seen.signum();
+                            grain.add(roots[usize::from(less2[k])], weighed);
                         }
                     } else if n < SAMPLES && occupied.bits[k] == 0 {
                         sum += i64::from(plane.values[k]);
@@ -180,7 +187,10 @@ impl Levels {
                     }
                 }
                 let background = (n >= LEAST_SAMPLES).then(|| sum as f32 / n as f32 / PER_LEVEL);
-                [grain.level(parts.blur).map(|v| v as f32), background]
+                let weighed = grain.level(parts.blur);
+                let grain =
+                    weighed.map(|v| (v.signum() * (0..parts.roots).fold(v.abs(), |v, _| v * v)) as f32);
+                [grain, background]
             })
             .collect();
         let mut out = Self { grain: vec![[0.0; 2]; w * h], background: vec![[0.0; 2]; w * h] };
@@ -331,6 +341,15 @@ impl Field {
                 for v in &mut self.values[run.row * self.width + run.start..run.row * self.width + run.end] {
                     *v = -*v;
                 }
+            }
+        }
+    }
+
+    /// Makes the outline go around a mask.
+    pub(super) fn fill(&mut self, mask: &Mask) {
+        for (v, held) in self.values.iter_mut().zip(&mask.bits) {
+            if *held != 0 {
+                *v = v.min(-0.5);
             }
         }
     }

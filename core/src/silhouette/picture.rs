@@ -1,6 +1,6 @@
 //! A decoded photograph.
 
-use super::SilhouetteError;
+use super::{SilhouetteError, ToneCurve};
 
 /// Least side of a picture, pixels: below it there is no room for a grain, its background and a margin.
 const LEAST_SIDE: usize = 16;
@@ -14,6 +14,7 @@ pub struct Picture {
     height: usize,
     channels: usize,
     data: Vec<u8>,
+    tone_curve: Option<ToneCurve>,
 }
 
 impl Picture {
@@ -37,7 +38,18 @@ impl Picture {
         if data.len() != width * height * channels {
             return Err(SilhouetteError::PictureBytes { width, height, channels, bytes: data.len() });
         }
-        Ok(Self { width, height, channels, data })
+        Ok(Self { width, height, channels, data, tone_curve: None })
+    }
+
+    /// The same, whose file states how its grey values code light.
+    #[must_use]
+    pub fn coded(self, tone_curve: Option<ToneCurve>) -> Self {
+        Self { tone_curve, ..self }
+    }
+
+    /// How the file said that its grey values code light.
+    pub fn stated_tone_curve(&self) -> Option<ToneCurve> {
+        self.tone_curve
     }
 
     /// Whether a picture may have this size: each side has 16 to 32 768 pixels.

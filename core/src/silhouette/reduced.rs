@@ -2,7 +2,7 @@
 //! only in part, before the few percent of it that hold the grain are looked at closely.
 
 use super::rect::Rect;
-use super::{Channel, Grid, SilhouetteError, Source};
+use super::{Channel, Grid, SilhouetteError, SmallCopy, Source};
 
 /// Means of the colours over cells of `factor` by `factor` pixels.
 pub(super) struct Reduced {
@@ -34,6 +34,11 @@ impl Reduced {
     fn on(picture: &dyn Source, grid: &Grid) -> Result<Self, SilhouetteError> {
         let Grid { factor, origin, size: [width, height] } = *grid;
         Ok(Self { grid: *grid, factor, origin, width, height, colours: picture.cells(grid)? })
+    }
+
+    /// Its brightness, to be kept.
+    pub(super) fn small_copy(&self) -> SmallCopy {
+        SmallCopy::of(self.grid, &self.channel(SmallCopy::CHANNEL))
     }
 
     /// For each colour, `[row, column]`.

@@ -1,6 +1,6 @@
 //! Report of a segmentation: thresholds, areas, pedestal, what a person checks it by.
 
-use super::{Channel, Polarity};
+use super::{Channel, Polarity, ToneCurve};
 use serde::Serialize;
 
 /// How a silhouette was found.
@@ -50,6 +50,12 @@ pub struct Report {
     /// less than the whole where a black frame was cut off.
     #[serde(rename = "frame_px")]
     pub frame: [usize; 4],
+    /// How the grey values were taken to code light; never `auto`.
+    pub tone_curve: ToneCurve,
+    /// What that was taken from.
+    pub tone_curve_from: ToneSource,
+    /// How far the outline was moved outwards of half-way because the grain's rim mirrors the background, pixels.
+    pub rim_px: f64,
     /// The pedestal, where one was cut off.
     pub pedestal: Option<PedestalOutline>,
     /// Width of the outline one pixel above the pedestal's top, where the grain stands on it, pixels.
@@ -59,6 +65,20 @@ pub struct Report {
     pub touches_border: [bool; 4],
     /// What a person should know.
     pub warnings: Vec<String>,
+}
+
+/// Where a tone curve was taken from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ToneSource {
+    /// It was set.
+    Setting,
+    /// The file states it.
+    File,
+    /// Edges are more alike on both sides under it than under another.
+    Edges,
+    /// Neither file nor edges say anything: it is the usual one.
+    Custom,
 }
 
 /// A pedestal's outline in one view: top line, centre and half width, pixels of the picture; it was cut off.

@@ -26,8 +26,10 @@ const MARGIN: f64 = 0.25;
 const EQUAL: f64 = 0.05;
 /// What a contrast that vanishes beside the strongest costs.
 const PALE: f64 = 0.1;
-/// A channel that shows this share of what the one that shows the most does shows as much.
+/// A channel that shows this share of what the one that shows the most does shows as much; brightness, which is stored in full
+/// resolution, with less.
 const SHOWN: f64 = 0.99;
+const SHOWN_BY_LUMA: f64 = 0.92;
 /// Greatest share of the picture's ends (not the lower one) that the grain may cover.
 const LARGEST_RING_SHARE: f64 = 0.5;
 
@@ -79,7 +81,7 @@ pub(super) fn search(
     let equal = |c: &Candidate| fit(c) && score(c) >= best - EQUAL;
     let most = candidates.iter().filter(|c| equal(c)).map(|c| c.cells).max().unwrap_or(0).max(1);
     (candidates.into_iter())
-        .filter(|c| equal(c) && c.cells as f64 >= SHOWN * most as f64)
+        .filter(|c| equal(c) && c.cells as f64 >= shown(c.scene.channel) * most as f64)
         .reduce(|best, c| if score(&c) > score(&best) { c } else { best })
         .map(|best| best.scene)
         .ok_or(if any_seen {
@@ -87,6 +89,10 @@ pub(super) fn search(
         } else {
             SilhouetteError::NoContrast { contrast, limit: needed(noise), noise }
         })
+}
+
+fn shown(channel: Channel) -> f64 {
+    if channel == Channel::Luma { SHOWN_BY_LUMA } else { SHOWN }
 }
 
 fn needed(noise: f64) -> f64 {

@@ -1,6 +1,6 @@
 //! Settings of the segmentation; the defaults suit a backlit grain, a blue screen and a black one.
 
-use super::{Channel, SilhouetteError};
+use super::{Channel, SilhouetteError, ToneCurve};
 use serde::{Deserialize, Serialize};
 
 /// Settings of [`find`](super::find()).
@@ -17,6 +17,8 @@ pub struct Settings {
     pub pedestal: PedestalMode,
     /// What happens to openings inside the outline.
     pub holes: Holes,
+    /// How grey values code light: outlines lie half-way in light.
+    pub tone_curve: ToneCurve,
     /// The least area of a grain, square pixels of the picture; anything smaller is dust.
     pub min_area_px: f64,
 }
@@ -29,6 +31,7 @@ impl Default for Settings {
             classes: Classes::Auto,
             pedestal: PedestalMode::Auto,
             holes: Holes::Auto,
+            tone_curve: ToneCurve::Auto,
             min_area_px: 400.0,
         }
     }

@@ -1,12 +1,12 @@
 //! What a photograph must give for the grain in it to be found: a small copy of all of it, and pixels of a part.
 
-use super::{Picture, SilhouetteError};
+use super::{Picture, SilhouetteError, ToneCurve};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::ops::Range;
 
 /// Cells of `factor` by `factor` pixels, from a pixel of the picture on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Grid {
     /// Pixels per cell, a side.
     pub factor: usize,
@@ -20,6 +20,11 @@ pub struct Grid {
 pub trait Source: Sync {
     /// Width and height (pixels), and channels: 1 (grey) or 3 (red, green, blue).
     fn shape(&self) -> [usize; 3];
+
+    /// How the file says that its grey values code light; `None` where it does not.
+    fn tone_curve(&self) -> Option<ToneCurve> {
+        None
+    }
 
     /// The pixels, where they are decoded already.
     fn at_hand(&self) -> Option<&Picture>;
@@ -53,6 +58,10 @@ const LONGEST: usize = 600;
 const ROWS_READ: usize = 4;
 
 impl Source for Picture {
+    fn tone_curve(&self) -> Option<ToneCurve> {
+        self.stated_tone_curve()
+    }
+
     fn shape(&self) -> [usize; 3] {
         [self.width(), self.height(), self.channels()]
     }

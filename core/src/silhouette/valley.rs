@@ -60,6 +60,26 @@ impl Histogram {
     }
 }
 
+/// The threshold that separates grain and background in all of these histograms together (each of a view, grey levels away
+/// from the background), at least `clear`; `None` where they have fewer than two modes.
+pub fn joint_threshold(views: &[&Histogram], clear: f64) -> Option<f64> {
+    const LEVELS: usize = 512;
+    let mut all = Histogram::new(-128.0, 1.0, LEVELS);
+    for (value, count) in views.iter().flat_map(|view| view.bins()) {
+        let bin = (value + 128.0).clamp(0.0, (LEVELS - 1) as f64) as usize;
+        all.counts[bin] += count;
+    }
+    let otsu = all.otsu2()?.threshold;
+    Some(all.valley(clear, otsu.max(clear))?.threshold)
+}
+
+impl Histogram {
+    /// How many values lie between two.
+    pub fn count_between(&self, low: f64, high: f64) -> u64 {
+        self.bins().filter(|(v, _)| (low..high).contains(v)).map(|(_, n)| n).sum()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

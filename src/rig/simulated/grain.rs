@@ -61,31 +61,6 @@ fn centroid(mesh: &TriangleMesh) -> Point {
     apex + moment / volume
 }
 
-/// The volume of the part above the plane z = 0, mm³: what silhouettes above the pedestal can show.
-pub fn volume_above_zero_mm3(mesh: &TriangleMesh) -> f64 {
-    // By the divergence theorem with the field (0, 0, z), whose flux through the cut at z = 0 vanishes.
-    let mut volume = 0.0;
-    for t in 0..mesh.triangles.len() {
-        let corners = mesh.corners(t);
-        let mut kept: Vec<Point> = Vec::with_capacity(4);
-        for i in 0..3 {
-            let (p, q) = (corners[i], corners[(i + 1) % 3]);
-            if p.z >= 0.0 {
-                kept.push(p);
-            }
-            if (p.z >= 0.0) != (q.z >= 0.0) {
-                kept.push(p + (q - p) * (p.z / (p.z - q.z)));
-            }
-        }
-        for i in 2..kept.len() {
-            let (a, b, c) = (kept[0], kept[i - 1], kept[i]);
-            let area_xy = 0.5 * ((b.x - a.x) * (c.y - a.y) - (c.x - a.x) * (b.y - a.y));
-            volume += area_xy * (a.z + b.z + c.z) / 3.0;
-        }
-    }
-    volume
-}
-
 /// A unit ball of 81,920 triangles (its volume is set by [`placed`]: the silhouette's area is then within
 /// 2 × 10⁻⁵ of the circle's).
 fn ball() -> TriangleMesh {
@@ -212,7 +187,7 @@ mod tests {
         assert!((centroid(&m) - Point::new(0.1, -0.2, r - 0.02)).norm() < 1e-4);
         // The cap of height h below the plane: π h² (3 r − h) / 3.
         let cap = std::f64::consts::PI * 0.02f64.powi(2) * (3.0 * r - 0.02) / 3.0;
-        assert!((volume_above_zero_mm3(&m) - (whole - cap)).abs() < 1e-4 * whole);
+        assert!((m.volume_above_zero_mm3() - (whole - cap)).abs() < 1e-4 * whole);
     }
 
     #[test]

@@ -7,6 +7,7 @@ use super::raster::{Shades, View, Window};
 use super::settings::Settings;
 use crate::rig::RigError;
 use grainrig_core::geometry::{Angle, TriangleMesh, Vector};
+use grainrig_core::silhouette::ToneCurve;
 use rayon::prelude::*;
 
 /// Everything before the shutter that does not move.
@@ -57,6 +58,8 @@ impl Default for Spoiled {
     }
 }
 
+/// How the camera's files code light.
+const CODING: ToneCurve = ToneCurve::Srgb;
 /// Width of what hangs into the picture, as a share of the grain's size.
 const OBSTACLE: f64 = 0.15;
 
@@ -143,13 +146,15 @@ impl Scene {
         let pedestal = |facing: f64| levels.pedestal * (0.7 + 0.5 * (facing as f32).powi(2));
         let layers = view.layers(window, &Shades { body: &shade, pedestal });
         let w = window.size[0];
+        // Light mixes, in a pixel and in the lens; the file holds it coded.
+        let of = |level: f32| CODING.decode(level);
         let mut level: Vec<f32> = (0..layers.all.len())
             .map(|k| {
                 let behind = self.background(window.origin[0] + k % w, window.origin[1] + k / w);
                 let low = (layers.all[k] - layers.grain[k]).max(0.0);
-                behind * (1.0 - layers.all[k])
-                    + layers.grain[k] * layers.grain_level[k]
-                    + low * layers.low_level[k]
+                of(behind) * (1.0 - layers.all[k])
+                    + layers.grain[k] * of(layers.grain_level[k])
+                    + low * of(layers.low_level[k])
             })
             .collect();
         let mut grain = layers.grain;
@@ -159,7 +164,7 @@ impl Scene {
             let middle = self.optics.axis_column_px - window.origin[0] as f64;
             for (k, v) in level.iter_mut().enumerate() {
                 if ((k / w) as f64) < reach && ((k % w) as f64 - middle).abs() < half {
-                    *v = levels.grain;
+                    *v = of(levels.grain);
                 }
             }
         }
@@ -167,6 +172,7 @@ impl Scene {
             blur(plane, window.size, sd);
             smear(plane, window.size, spoiled.shake_px);
         }
+        level.par_iter_mut().for_each(|v| *v = CODING.encode(*v));
         Patch { window, level, grain }
     }
 }

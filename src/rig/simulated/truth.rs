@@ -1,11 +1,11 @@
 //! What the simulated rig knows and a real one does not: where the grain stood, and what it is.
 
+use super::Shared;
 use super::optics::Optics;
 use super::raster::{View, Window};
 use super::scene::Scene;
 use super::settings::Settings;
 use super::stage::lock;
-use super::{Shared, grain};
 use crate::rig::RigError;
 use grainrig_core::formats::stl;
 use grainrig_core::geometry::{Angle, Projection, TriangleMesh};
@@ -87,7 +87,7 @@ impl TruthHandle {
             settings: self.scene.settings.clone(),
             camera: self.scene.optics.clone(),
             grain_volume_mm3: self.scene.body.volume_mm3(),
-            volume_above_pedestal_mm3: grain::volume_above_zero_mm3(&self.scene.body),
+            volume_above_pedestal_mm3: self.scene.body.volume_above_zero_mm3(),
             pedestal_top_mm: 0.0,
             exposures: lock(&self.shared).exposures.clone(),
         }

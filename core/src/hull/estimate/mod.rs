@@ -84,6 +84,8 @@ pub struct Known {
     pub cameras: f64,
     /// The share of the volume that stands in the pedestal's blurred light.
     pub foot: f64,
+    /// How far the outlines may be off all round beyond what they always are, pixels (standard deviation).
+    pub outline_px: f64,
 }
 
 /// The grain's volume as estimated from its views, with a 95 % interval.
@@ -177,7 +179,8 @@ pub fn estimate(cones: &[Cone], known: &Known) -> Result<VolumeEstimate, NoEstim
     let middle = known.bounds.center();
     let sizes: Vec<f64> = cones.iter().filter_map(|c| c.projection().px_per_mm(&middle)).collect();
     let mm_per_px = sound("the size of a pixel", sizes.len() as f64 / sizes.iter().sum::<f64>(), false)?;
-    let outline = OUTLINE_PX * mm_per_px * known.surface_mm2 / known.volume_mm3;
+    let outline_px = OUTLINE_PX.hypot(known.outline_px);
+    let outline = outline_px * mm_per_px * known.surface_mm2 / known.volume_mm3;
     let scale = 3.0 * known.scale.unwrap_or(0.0);
     let foot = FOOT * known.foot;
     let seen = [outline, scale, known.cameras, foot].iter().map(|s| s * s).sum::<f64>().sqrt();
@@ -210,7 +213,7 @@ pub fn estimate(cones: &[Cone], known: &Known) -> Result<VolumeEstimate, NoEstim
         let percent = 100.0 * ((TWO_SIDED * sd).exp() - 1.0);
         shares.push(Share { what, percent: [-percent, percent] });
     };
-    add(format!("the outlines' place, {OUTLINE_PX} px all round"), outline);
+    add(format!("the outlines' place, {outline_px:.1} px all round"), outline);
     match known.scale {
         Some(relative) => {
             add(

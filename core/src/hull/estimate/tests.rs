@@ -63,6 +63,7 @@ fn known(radius: impl Fn(f64) -> f64, views: usize) -> Known {
         scale: None,
         cameras: 0.0,
         foot: 0.0,
+        outline_px: 0.0,
     }
 }
 

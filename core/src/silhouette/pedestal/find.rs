@@ -31,6 +31,8 @@ const LONG_SIDES: f64 = 1.0;
 const SURE_SIDES: f64 = 0.5;
 /// Columns next to the sides that are left out, pixels.
 const CORNER: f64 = 4.0;
+/// Pixels on either side of a side in which its blur shows.
+const PROFILE: usize = 12;
 /// Rounds of fitting the top's line.
 const ROUNDS: usize = 6;
 
@@ -38,7 +40,8 @@ const ROUNDS: usize = 6;
 pub(in crate::silhouette) fn find(mask: &Mask, plane: &Plane, noise: f64) -> Option<Pedestal> {
     let rows = sides_upwards(mask)?;
     let (left, right, top) = straight_sides(&rows, mask.height)?;
-    let rough = Pedestal { top: [top, 0.0], left, right, top_seen: false, level: 0.0, blur: 0.0 };
+    let rough =
+        Pedestal { top: [top, 0.0], left, right, top_seen: false, level: 0.0, level_slope: 0.0, blur: 0.0 };
     let (centre, half) = rough.centre();
     let (height, width) = ((mask.height as f64 - 0.5) - top, 2.0 * half);
     if width < LEAST_WIDTH || height < LEAST_HEIGHT.0.max(LEAST_HEIGHT.1 * width) {
@@ -49,7 +52,7 @@ pub(in crate::silhouette) fn find(mask: &Mask, plane: &Plane, noise: f64) -> Opt
     found.blur = blur(plane, &found);
     // The top is square to the sides.
     let lean = (height >= LONG_SIDES * width).then(|| -0.5 * (found.left[1] + found.right[1]));
-    if let Some(top) = level_top(plane, &rough, pedestal_level, noise, lean) {
+    if let Some((top, _)) = level_top(plane, &rough, pedestal_level, noise, lean) {
         return Some(Pedestal { top, top_seen: true, ..found });
     }
     if height < SURE_SIDES * width {
@@ -144,10 +147,74 @@ fn level(plane: &Plane, centre: f64, half: f64, top: f64) -> Option<f64> {
     (!values.is_empty()).then(|| median(&mut values))
 }
 
-/// The line of the top, seen where the grey value steps, beside the grain or under it; with this lean (rows per
+/// The pedestal that is known to stand about here, up to so many pixels off, as this view shows it: brighter or darker than
+/// the background, or both.
+pub(in crate::silhouette) fn near(plane: &Plane, known: &Pedestal, off_px: f64, noise: f64) -> Pedestal {
+    let (centre, half) = known.centre();
+    let reach = off_px.ceil() as isize + 1;
+    let first = (known.top_at(centre) + off_px).max(0.0) as usize + STAND_OFF;
+    let mut found = *known;
+    if plane.height >= first + FIRST_ROWS {
+        let side = |line: Line| {
+            // The step over all rows at once: a straight edge adds up, noise does not.
+            let step = |away: isize| -> f64 {
+                (first..plane.height)
+                    .filter_map(|y| {
+                        let x = (line[0] + line[1] * y as f64).round() as isize + away;
+                        let inside = x >= 1 && x + 1 < plane.width as isize;
+                        inside.then(|| f64::from(plane.at(x as usize + 1, y) - plane.at(x as usize - 1, y)))
+                    })
+                    .sum::<f64>()
+                    .abs()
+            };
+            let best = (-reach..=reach).max_by(|a, b| step(*a).total_cmp(&step(*b))).unwrap_or(0);
+            let [before, at, after] = [best - 1, best, best + 1].map(step);
+            let bend = before - 2.0 * at + after;
+            let part = if bend < 0.0 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 };
+            let clear = at > 4.0 * noise * 2.0f64.sqrt() * ((plane.height - first) as f64).sqrt();
+            if clear { [line[0] + best as f64 + part, line[1]] } else { line }
+        };
+        (found.left, found.right) = (side(known.left), side(known.right));
+    }
+    (found.level, found.level_slope) = level_across(plane, &found, off_px).unwrap_or((0.0, 0.0));
+    let strongest = found.level.abs() + found.level_slope.abs() * half;
+    found.blur = if found.level.abs() > 10.0 * noise { blur(plane, &found) } else { known.blur.max(1.0) };
+    // The top within reach that most columns show.
+    let tops = (0..=(off_px / STAND_OFF as f64) as isize).flat_map(|k| [-k, k]).filter_map(|k| {
+        let shift = k as f64 * STAND_OFF as f64;
+        let about = Pedestal { top: [found.top[0] + shift, found.top[1]], ..found };
+        level_top(plane, &about, strongest, noise, Some(found.top[1]))
+    });
+    if let Some((top, _)) = tops.max_by_key(|(_, columns)| *columns) {
+        (found.top, found.top_seen) = (top, true);
+    }
+    found
+}
+
+/// Grey level (away from the background) at the centre of a pedestal below its top, and how it grows from column to column.
+fn level_across(plane: &Plane, pedestal: &Pedestal, off_px: f64) -> Option<(f64, f64)> {
+    let (centre, half) = pedestal.centre();
+    let (x0, x1) = ((centre - 0.8 * half).max(0.0) as usize, (centre + 0.8 * half).max(0.0) as usize);
+    let y0 = (pedestal.top_at(centre) + off_px).max(0.0) as usize + STAND_OFF;
+    let rows = y0..(y0 + 4 * AVERAGED).min(plane.height);
+    let points: Vec<(f64, f64)> = rows
+        .flat_map(|y| {
+            (x0..=x1.min(plane.width - 1)).map(move |x| (x as f64 - centre, f64::from(plane.at(x, y))))
+        })
+        .collect();
+    fit_line(&points).map(|[level, slope]| (level, slope))
+}
+
+/// The line of the top, and how many columns show it, seen where the grey value steps, beside the grain or under it; with this lean (rows per
 /// column) where it is known.
-fn level_top(plane: &Plane, rough: &Pedestal, body: f64, noise: f64, lean: Option<f64>) -> Option<Line> {
-    let row = rough.top[0];
+fn level_top(
+    plane: &Plane,
+    rough: &Pedestal,
+    body: f64,
+    noise: f64,
+    lean: Option<f64>,
+) -> Option<(Line, usize)> {
+    let row = rough.top_at(rough.centre().0);
     let [l, r] = rough.sides_at(row);
     let (x0, x1) = ((l + CORNER).ceil().max(0.0) as usize, (r - CORNER).floor().max(0.0) as usize);
     let reach = (STAND_OFF + AVERAGED) as f64;
@@ -176,7 +243,8 @@ fn level_top(plane: &Plane, rough: &Pedestal, body: f64, noise: f64, lean: Optio
         };
     }
     points.retain(|p| (p.1 - line[0] - line[1] * p.0).abs() <= LINE_TOLERANCE);
-    (points.len() as f64 >= LEAST_SEEN * columns && line[1].abs() <= GREATEST_LEAN).then_some(line)
+    (points.len() as f64 >= LEAST_SEEN * columns && line[1].abs() <= GREATEST_LEAN)
+        .then_some((line, points.len()))
 }
 
 /// The middle of the shortest interval that holds half of the values, of which there is at least one.
@@ -240,22 +308,31 @@ fn sharpen_sides(plane: &Plane, rough: Pedestal, body: f64) -> Pedestal {
     Pedestal { left: side(rough.left, -1), right: side(rough.right, 1), ..rough }
 }
 
-/// Standard deviation of the sides' blur, pixels: a normal distribution's quartiles lie 1.349 of them apart.
+/// Standard deviation of the sides' blur, pixels, from where the mean profile over a side is steepest: an edge of height h blurred by σ has
+/// h/2 there and the slope h/(σ√2π), whatever the level does further inside, where a round pedestal's own shading begins.
 fn blur(plane: &Plane, pedestal: &Pedestal) -> f64 {
     let first = pedestal.top_at(pedestal.centre().0).max(0.0) as usize + STAND_OFF;
-    let mut widths: Vec<f64> = Vec::new();
-    for y in first..plane.height {
-        for (column, outwards) in pedestal.sides_at(y as f64).into_iter().zip([-1.0, 1.0]) {
-            // How far the grey value takes from three quarters to one quarter.
-            let at = |k: usize| {
-                let x = (column + outwards * (0.5 * k as f64 - 6.0)).round().max(0.0) as usize;
-                f64::from(plane.at(x.min(plane.width - 1), y)) / pedestal.level
-            };
-            let within = (0..=24).filter(|&k| (0.25..0.75).contains(&at(k))).count();
-            widths.push(0.5 * within as f64);
+    let mut sum = [0.0; 2];
+    for (side, outwards) in [-1.0, 1.0].into_iter().enumerate() {
+        let mut profile = [0.0; 2 * PROFILE + 1];
+        for y in first..plane.height {
+            let column = pedestal.sides_at(y as f64)[side];
+            for (k, mean) in profile.iter_mut().enumerate() {
+                let x = (column + outwards * (k as f64 - PROFILE as f64)).round().max(0.0) as usize;
+                *mean += pedestal.level.signum() * f64::from(plane.at(x.min(plane.width - 1), y));
+            }
+        }
+        let steepest = (1..2 * PROFILE)
+            .map(|k| (0.5 * (profile[k - 1] - profile[k + 1]), profile[k]))
+            .max_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some((slope, height)) = steepest.filter(|(slope, height)| *slope > 0.0 && *height > 0.0) {
+            let rise = (2.0 * height).min(pedestal.level.abs() * (plane.height - first) as f64);
+            let over_two_pixels = rise / (slope * std::f64::consts::TAU.sqrt());
+            sum[0] += (over_two_pixels.powi(2) - 1.0 / 3.0).max(0.0).sqrt();
+            sum[1] += 1.0;
         }
     }
-    if widths.is_empty() { 0.0 } else { widths.iter().sum::<f64>() / widths.len() as f64 / 1.349 }
+    if sum[1] > 0.0 { sum[0] / sum[1] } else { 0.0 }
 }
 
 /// Least squares through `(x, y)`: value at 0 and slope.

@@ -10,18 +10,29 @@
 //! ──┴───────┴──       lower end of the picture
 //! ```
 
+use super::PedestalOutline;
+
 mod consensus;
 mod find;
+mod standing;
 mod uncut;
 mod unmix;
 
 pub use consensus::{ConsensusValue, PedestalConsensus, pedestal_consensus};
-pub(super) use find::find;
+pub(super) use find::{find, near};
+pub use standing::{SmallCopy, standing_pedestal};
 pub use uncut::Uncut;
-pub(super) use unmix::{smoothed, unmix};
+pub(super) use unmix::{mix, smoothed, unmix};
 
-/// The cut is this much wider than the pedestal on each side, pixels, so that no blurred sliver stays.
-pub(super) const CUT_MARGIN: f64 = 5.0;
+/// The cut is this much wider than the pedestal on each side, pixels, or this many standard deviations of the blur, so that no
+/// blurred sliver stays.
+const CUT_MARGIN: f64 = 5.0;
+const CUT_BLURS: f64 = 3.0;
+
+/// By how much the cut is wider than the pedestal on each side, pixels.
+pub(super) fn cut_margin(blur_px: f64) -> f64 {
+    CUT_MARGIN.max(CUT_BLURS * blur_px)
+}
 
 /// A pedestal, in the plane's own pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,13 +44,22 @@ pub(super) struct Pedestal {
     pub right: [f64; 2],
     /// Whether the top itself was seen; else it is taken where the sides end.
     pub top_seen: bool,
-    /// Its grey level, away from the background.
+    /// Its grey level at its centre, away from the background, and how much that grows with each column.
     pub level: f64,
+    pub level_slope: f64,
     /// Standard deviation of the blur of its sides, pixels.
     pub blur: f64,
 }
 
 impl Pedestal {
+    /// The same in a plane whose first column and row are these of this one.
+    pub(super) fn seen_from(&self, [x0, y0]: [usize; 2]) -> Self {
+        let (x, y) = (x0 as f64, y0 as f64);
+        let side = |[at, lean]: [f64; 2]| [at + lean * y - x, lean];
+        let top = [self.top[0] + self.top[1] * x - y, self.top[1]];
+        Self { top, left: side(self.left), right: side(self.right), ..*self }
+    }
+
     /// Row of the top at a column.
     pub(super) fn top_at(&self, x: f64) -> f64 {
         self.top[0] + self.top[1] * x
@@ -56,6 +76,28 @@ impl Pedestal {
         [self.left[0] + self.left[1] * y, self.right[0] + self.right[1] * y]
     }
 
+    /// Its grey level at a column.
+    pub(super) fn level_at(&self, x: f64) -> f64 {
+        self.level + self.level_slope * (x - self.centre().0)
+    }
+
+    /// The pedestal that an outline in the picture is, in a plane whose first column and row are these.
+    pub(super) fn of(outline: &PedestalOutline, [x0, y0]: [usize; 2]) -> Self {
+        let slope = outline.top_slope;
+        let (centre, top) = (outline.centre_column - x0 as f64, outline.top_row - y0 as f64);
+        // The sides are square to the top.
+        let side = |x: f64| [x + slope * top, -slope];
+        Self {
+            top: [top - slope * centre, slope],
+            left: side(centre - outline.half_width),
+            right: side(centre + outline.half_width),
+            top_seen: outline.top_seen,
+            level: 0.0,
+            level_slope: 0.0,
+            blur: outline.blur,
+        }
+    }
+
     /// Centre column and half width at the top.
     pub(super) fn centre(&self) -> (f64, f64) {
         let middle = 0.5 * (self.left[0] + self.right[0]);
@@ -66,7 +108,8 @@ impl Pedestal {
     /// How far (pixels) a pixel lies below the top, where the cut reaches: `None` beside it.
     pub(super) fn below_top(&self, x: f64, y: f64) -> Option<f64> {
         let [l, r] = self.sides_at(y);
-        (x >= l - CUT_MARGIN && x <= r + CUT_MARGIN)
+        let margin = cut_margin(self.blur);
+        (x >= l - margin && x <= r + margin)
             .then(|| (y - self.top_at(x)) / (1.0 + self.top[1] * self.top[1]).sqrt())
     }
 }

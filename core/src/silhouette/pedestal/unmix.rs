@@ -6,8 +6,19 @@ use crate::silhouette::plane::{PER_LEVEL, Plane};
 /// Takes the pedestal's blurred light off what is above its top, so that a narrow gap between it and the grain
 /// stays a gap: there a pixel is a mixture of the pedestal and of what it would be without it.
 pub(in crate::silhouette) fn unmix(plane: &mut Plane, pedestal: &Pedestal) {
+    for_mixed(plane, pedestal, |value, level, share| (value - share * level) / (1.0 - share));
+}
+
+/// The reverse of [`unmix`].
+pub(in crate::silhouette) fn mix(plane: &mut Plane, pedestal: &Pedestal) {
+    for_mixed(plane, pedestal, |value, level, share| value * (1.0 - share) + share * level);
+}
+
+/// Changes the values above the top that the pedestal's blur reaches, each with the pedestal's value and its share.
+fn for_mixed(plane: &mut Plane, pedestal: &Pedestal, change: impl Fn(f64, f64, f64) -> f64) {
     let sd = pedestal.blur.max(0.3);
-    for y in 0..plane.height {
+    let first = pedestal.clear_above(plane.width, 4.0 * sd).max(0.0) as usize;
+    for y in first..plane.height {
         let [l, r] = pedestal.sides_at(y as f64);
         for x in (l - 3.0 * sd).max(0.0) as usize..((r + 3.0 * sd).max(0.0) as usize).min(plane.width) {
             let above = pedestal.top_at(x as f64) - y as f64;
@@ -17,8 +28,8 @@ pub(in crate::silhouette) fn unmix(plane: &mut Plane, pedestal: &Pedestal) {
             let between = normal((x as f64 - l) / sd) * normal((r - x as f64) / sd);
             let share = (1.0 - normal(above / sd)) * between;
             let value = &mut plane.values[y * plane.width + x];
-            let mixed = f64::from(*value);
-            *value = ((mixed - share * pedestal.level * f64::from(PER_LEVEL)) / (1.0 - share)) as i16;
+            let level = pedestal.level_at(x as f64) * f64::from(PER_LEVEL);
+            *value = change(f64::from(*value), level, share) as i16;
         }
     }
 }

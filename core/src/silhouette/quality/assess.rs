@@ -91,7 +91,7 @@ pub fn assess(picture: &dyn Source, found: &Segmentation) -> (ViewQuality, Trait
     let report = &found.report;
     let diameter_px = (4.0 * report.area_px / std::f64::consts::PI).sqrt().max(1.0);
     let mut checks = vec![focus(&edge, diameter_px)];
-    checks.extend(motion_blur::measure(&crop, found).map(|blur| motion(&blur, diameter_px)));
+    checks.extend(motion_blur::measure(&crop, found, edge.contrast).map(|blur| motion(&blur, diameter_px)));
     checks.push(clipping(&edge, report.polarity));
     checks.push(border(report.touches_border));
     checks.push(contrast(report.contrast, report.noise));

@@ -2,6 +2,7 @@
 //! quartiles. Whether it is softer in one direction than in another is a matter of [`super::motion_blur`].
 
 use crate::silhouette::rect::Rect;
+use crate::silhouette::tone::{Light, ToneCurve};
 use crate::silhouette::{Polarity, Segmentation, Silhouette, Source};
 use std::ops::Range;
 
@@ -30,6 +31,13 @@ const PEDESTAL_PX: f64 = 8.0;
 const FULL: u8 = 252;
 
 impl Segmentation {
+    /// The light of every grey value of the channel; of a difference of two colours, whose light is not known, the values
+    /// themselves.
+    pub(super) fn light(&self) -> Light {
+        let is_difference = self.report.channel.is_difference();
+        if is_difference { ToneCurve::Linear } else { self.report.tone_curve }.light()
+    }
+
     /// What red, green and blue count for in the channel.
     pub(super) fn weights(&self) -> [f64; 3] {
         self.report.channel.weights().map(|w| f64::from(w) / 16.0)
@@ -83,6 +91,8 @@ impl Crop {
 pub(super) struct Edge {
     /// Standard deviation of the edge's blur over all directions, pixels.
     pub blur_px: f64,
+    /// Light of the grain beside the outline, less the background's, levels.
+    pub contrast: f64,
     /// Share of full pixels on the lit side of the outline.
     pub full_share: f64,
     /// Mean level of the background beside the outline, grey levels of the channel.
@@ -118,6 +128,11 @@ impl Profile {
             count += self.counts[bin];
         }
         (count >= LEAST_PIXELS).then(|| sum / count)
+    }
+
+    /// Light of the grain less that of the background, levels.
+    fn contrast(&self) -> Option<f64> {
+        Some((self.plateau(true, NEAREST)? - self.plateau(false, NEAREST)?).abs())
     }
 
     /// Standard deviation of the blur, pixels; `None` where there is too little to see.
@@ -185,6 +200,7 @@ pub(super) fn measure(crop: &Crop, found: &Segmentation) -> Edge {
     let (profile, sides) = read(crop, found);
     Edge {
         blur_px: profile.blur_px().unwrap_or(0.0),
+        contrast: profile.contrast().unwrap_or(0.0),
         full_share: sides.full_share(),
         background: sides.background(),
         noise: sides.noise(),
@@ -233,6 +249,7 @@ fn read(crop: &Crop, found: &Segmentation) -> (Profile, Sides) {
     let mut sides = Sides::default();
     let channels = crop.channels;
     let level = |pixel: &[u8]| level(pixel, &weights);
+    let light = found.light();
     for y in rows {
         let line = crop.row(y, &columns);
         for (k, x) in columns.clone().enumerate() {
@@ -240,7 +257,7 @@ fn read(crop: &Crop, found: &Segmentation) -> (Profile, Sides) {
             let bin = ((d + REACH as f64) * PER_PX as f64) as usize;
             let pixel = &line[k * channels..(k + 1) * channels];
             let here = level(pixel);
-            profile.add(bin.min(BINS - 1), here);
+            profile.add(bin.min(BINS - 1), f64::from(light.at(here as f32)));
             let clear = d.abs() > NEAREST as f64;
             if !clear {
                 continue;

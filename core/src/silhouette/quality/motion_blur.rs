@@ -10,6 +10,7 @@
 
 use super::edge::{Crop, level};
 use crate::silhouette::Segmentation;
+use crate::silhouette::tone::Light;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -71,13 +72,13 @@ pub(super) struct MotionBlur {
     pub softest_deg: f64,
 }
 
-/// The direction along which the outline is softer by most than across it; `None` where the outline shows no two such
+/// The direction along which the outline is softer by most than across it; `contrast` of the light beside it, levels. `None` where the outline shows no two such
 /// directions.
-pub(super) fn measure(crop: &Crop, found: &Segmentation) -> Option<MotionBlur> {
+pub(super) fn measure(crop: &Crop, found: &Segmentation, contrast: f64) -> Option<MotionBlur> {
     let diameter_px = (4.0 * found.report.area_px / PI).sqrt();
     let lines = Lines::new(crop, found, (diameter_px / FINEST).max(1.0));
     let points = lines.points();
-    let least = LEAST_CONTRAST * found.report.contrast;
+    let least = LEAST_CONTRAST * contrast;
     let each = points.len().div_ceil(MOST_PROFILES).max(1);
     let few: Vec<[usize; 2]> = points.into_iter().step_by(each).collect();
     let widths: Vec<Option<(usize, f64)>> = (few.par_iter())
@@ -137,11 +138,12 @@ fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
     Some(values[(share * (values.len() - 1) as f64).round() as usize])
 }
 
-/// A picture's levels along the outline's normals.
+/// A picture's light along the outline's normals.
 struct Lines<'a> {
     crop: &'a Crop,
     found: &'a Segmentation,
     weights: [f64; 3],
+    light: Light,
     /// Pixels in a step.
     step: f64,
     /// Least and greatest column and row that count.
@@ -159,6 +161,7 @@ impl<'a> Lines<'a> {
             crop,
             found,
             weights: found.weights(),
+            light: found.light(),
             step,
             least: [rect.x0.max(x0) as f64, rect.y0.max(y0) as f64],
             greatest: [last(rect.x1, x1), last(rect.y1, y1).min(above)],
@@ -192,7 +195,7 @@ impl<'a> Lines<'a> {
         (length > STRAIGHT * pixels).then(|| sum.map(|v| v / length))
     }
 
-    /// Mean levels along the normal, from inside to outside; not a number where the picture or the grain ends.
+    /// Mean light along the normal, from inside to outside; not a number where the picture or the grain ends.
     fn profile(&self, [i, j]: [usize; 2], normal: [f64; 2]) -> [f64; 2 * REACH + 1] {
         let origin = self.found.silhouette.origin;
         let position = [(origin[0] + i) as f64, (origin[1] + j) as f64];
@@ -211,7 +214,7 @@ impl<'a> Lines<'a> {
         })
     }
 
-    /// The level at a position between pixels, bilinear.
+    /// The light at a position between pixels, bilinear.
     fn level(&self, position: [f64; 2]) -> Option<f64> {
         if !(0..2).all(|k| position[k] >= self.least[k] && position[k] <= self.greatest[k]) {
             return None;
@@ -224,7 +227,8 @@ impl<'a> Lines<'a> {
         let along = |row: usize| {
             let two = self.crop.row(row, &(column..column + 2));
             let t = x - column as f64;
-            (1.0 - t) * level(&two[..c], &self.weights) + t * level(&two[c..], &self.weights)
+            let light = |pixel: &[u8]| f64::from(self.light.at(level(pixel, &self.weights) as f32));
+            (1.0 - t) * light(&two[..c]) + t * light(&two[c..])
         };
         let t = y - row as f64;
         Some((1.0 - t) * along(row) + t * along(row + 1))

@@ -80,10 +80,14 @@ pub fn between(views: &[ViewTraits]) -> Vec<Vec<Check>> {
             out
         })
         .collect();
+    // A view in another light, or out of focus, shows another outline: that is no fault of those beside it.
+    let spoiled: Vec<bool> =
+        checks.iter().map(|checks| checks.iter().any(|c| c.verdict == super::Verdict::Bad)).collect();
     for series in Series::ALL {
         let points = series.points(views);
-        let culprits = outliers(&points, series.limits(views)[0]);
-        let rest: Vec<Point> = points.iter().filter(|p| !culprits.contains(&p.view)).copied().collect();
+        let sound: Vec<Point> = points.iter().filter(|p| !spoiled[p.view]).copied().collect();
+        let culprits = outliers(&sound, series.limits(views)[0]);
+        let rest: Vec<Point> = sound.iter().filter(|p| !culprits.contains(&p.view)).copied().collect();
         for (k, out) in checks.iter_mut().enumerate() {
             let Some(point) = points.iter().find(|p| p.view == k) else { continue };
             out.extend(series.check(&rest, point, views, culprits.contains(&k)));

@@ -1,0 +1,219 @@
+//! Faint parts of the grain that a threshold leaves out: a dark half before a black screen, a see-through side before a
+//! bright one, a side darker than a background that the lit side is brighter than.
+//!
+//! A clear face takes a twelfth of the light that passes through it, and no shadow is as dark as nothing: what such a part
+//! differs by from the background is little, but more than the background by itself does. It belongs to the grain when it
+//! touches the grain, has a sharp edge of its own, and the background shows beyond; a halo, a blurred skirt or a shadow on
+//! the background has none.
+
+use super::holes;
+use super::mask::{Connect, Mask, Run};
+
+/// Pixels around all that is seen beyond which everything is background.
+const FAR: usize = 12;
+/// What differs from the background by this many medians of its values' sizes (four standard deviations) is something else.
+const BEYOND: f64 = 4.0 / 0.6745;
+/// The least difference, sixteenths of a grey level.
+const LEAST: i16 = 40;
+/// A threshold that is no greater than this many of these differences finds all there is.
+const WORTHWHILE: f64 = 1.25;
+/// Half the width of the narrowest part, pixels; what is next to the grain is its own edge's.
+const HALF_WIDTH: usize = 1;
+const EDGE: usize = 2;
+/// Least area, square pixels, and as a share of the grain's.
+const LEAST_AREA: (usize, f64) = (24, 5e-4);
+/// Between so many pixels beyond a part the background shows …
+const BESIDE: [usize; 2] = [2, 5];
+/// … which is when this share of the pixels there differ by less than this share of the difference.
+const SHOWS: f64 = 0.75;
+const LITTLE: f64 = 0.5;
+
+/// Adds the faint parts to the grain. `smooth` are the plane's smoothed values, `seen` is all that a threshold finds, and
+/// `open` gives for a pixel whether grain can be there (not below the pedestal's top). Gives the pixels of the added parts on which
+/// the grain lies on the background's other side, where there are any.
+pub(super) fn add(
+    grain: &mut Mask,
+    seen: &Mask,
+    smooth: &[i16],
+    threshold: i16,
+    open: impl Fn(usize, usize) -> bool,
+) -> Option<Mask> {
+    let (w, h) = (grain.width, grain.height);
+    let near = seen.dilated(FAR);
+    let mut usual: Vec<i16> = (0..h)
+        .flat_map(|y| (0..w).map(move |x| (x, y)))
+        .filter(|&(x, y)| near.bits[y * w + x] == 0 && open(x, y))
+        .map(|(x, y)| smooth[y * w + x].saturating_abs())
+        .collect();
+    if usual.is_empty() {
+        return None;
+    }
+    let middle = usual.len() / 2;
+    let usual = *usual.select_nth_unstable(middle).1;
+    let differs = ((BEYOND * f64::from(usual)) as i16).max(LEAST);
+    let others_too = smooth.iter().any(|v| *v < -threshold);
+    if f64::from(threshold) < WORTHWHILE * f64::from(differs) && !others_too {
+        return None;
+    }
+    // What a threshold finds is the grain, or another object.
+    let around = seen.dilated(EDGE);
+    let mut faint = Mask::empty(w, h);
+    for y in 0..h {
+        for x in 0..w {
+            let k = y * w + x;
+            faint.bits[k] =
+                u8::from(smooth[k].saturating_abs() > differs && around.bits[k] == 0 && open(x, y));
+        }
+    }
+    let faint = faint.eroded(HALF_WIDTH).dilated(HALF_WIDTH);
+    let (runs, components) = faint.components(Connect::Sides);
+    let least = LEAST_AREA.0.max((LEAST_AREA.1 * grain.area() as f64) as usize);
+    let at_grain = grain.dilated(EDGE + HALF_WIDTH + 1);
+    let mut touches = vec![0_usize; components.len()];
+    for run in &runs {
+        let row = &at_grain.bits[run.row * w + run.start..run.row * w + run.end];
+        touches[run.component] += row.iter().map(|b| usize::from(*b)).sum::<usize>();
+    }
+    let leads_out = leading_out(&runs, components.len(), &faint);
+    let large: Vec<bool> = (components.iter().zip(&touches).zip(&leads_out))
+        .map(|((c, touches), leads_out)| c.area >= least && *touches > 0 && !leads_out)
+        .collect();
+    let near_seen = seen.dilated(EDGE + BESIDE[1]);
+    let mut kept = vec![false; components.len()];
+    for k in (0..components.len()).filter(|&k| large[k]) {
+        let part = faint.select(&runs, |other| other == k);
+        let (inner, outer) = (part.dilated(BESIDE[0]), part.dilated(BESIDE[1]));
+        // A lit facet or a black one amid the part is not beyond it, nor what is between the part and the pedestal.
+        let mut closed = part.clone();
+        closed.add(&around);
+        let mut closed = closed.closed(BESIDE[1]);
+        holes::fill_all(&mut closed);
+        let (mut beyond, mut little) = (0_usize, 0_usize);
+        for y in 0..h {
+            for x in 0..w {
+                let i = y * w + x;
+                if outer.bits[i] != 0
+                    && [&inner, &near_seen, &closed].iter().all(|m| m.bits[i] == 0)
+                    && open(x, y + BESIDE[1])
+                {
+                    beyond += 1;
+                    little +=
+                        usize::from(f64::from(smooth[i].saturating_abs()) < LITTLE * f64::from(differs));
+                }
+            }
+        }
+        // A strip as narrow as the grain's surroundings has nothing beyond that is clear of the grain.
+        kept[k] = beyond == 0 || little as f64 >= SHOWS * beyond as f64;
+    }
+    if !kept.contains(&true) {
+        return None;
+    }
+    let parts = faint.select(&runs, |k| kept[k]);
+    let mut both = parts.clone();
+    both.add(grain);
+    let gap = EDGE + HALF_WIDTH + 1;
+    both.add(&lit_facets(seen, &parts.dilated(gap), &open));
+    let mut closed = both.closed(gap);
+    for y in 0..h {
+        for x in 0..w {
+            // Beyond the picture's ends there is nothing to close a gap to.
+            let inside = x >= gap && y >= gap && x + gap < w && y + gap < h;
+            let k = y * w + x;
+            closed.bits[k] = u8::from(open(x, y)) & if inside { closed.bits[k] } else { both.bits[k] };
+        }
+    }
+    let before = std::mem::replace(grain, closed.largest());
+    let mut other_side = Mask::empty(w, h);
+    for (k, bit) in other_side.bits.iter_mut().enumerate() {
+        *bit = u8::from(grain.bits[k] != 0 && before.bits[k] == 0 && smooth[k] < 0);
+    }
+    other_side.bits.contains(&1).then_some(other_side)
+}
+
+/// What a threshold finds at the parts: facets of the grain that its dark side cuts off.
+fn lit_facets(seen: &Mask, at_parts: &Mask, open: impl Fn(usize, usize) -> bool) -> Mask {
+    let w = seen.width;
+    let mut above = seen.clone();
+    above.bits.iter_mut().enumerate().for_each(|(k, bit)| *bit &= u8::from(open(k % w, k / w)));
+    let (runs, components) = above.components(Connect::Sides);
+    let leads_out = leading_out(&runs, components.len(), &above);
+    let mut touches = vec![false; components.len()];
+    for run in &runs {
+        touches[run.component] |= at_parts.bits[run.row * w + run.start..run.row * w + run.end].contains(&1);
+    }
+    above.select(&runs, |k| touches[k] && !leads_out[k])
+}
+
+/// Which components lead out of the picture: they hold or light the grain.
+fn leading_out(runs: &[Run], components: usize, mask: &Mask) -> Vec<bool> {
+    let mut out = vec![false; components];
+    for run in runs {
+        out[run.component] |= run.row <= HALF_WIDTH
+            || run.row + 1 + HALF_WIDTH >= mask.height
+            || run.start <= HALF_WIDTH
+            || run.end + HALF_WIDTH >= mask.width;
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A block of a level on noise, with a faint part at its right and a halo at its left.
+    fn scene(faint: i16, is_gradual: bool) -> (Mask, Vec<i16>) {
+        let (w, h) = (160, 100);
+        let mut smooth = vec![0i16; w * h];
+        let mut grain = Mask::empty(w, h);
+        for y in 0..h {
+            for x in 0..w {
+                let k = y * w + x;
+                smooth[k] = ((x * 7 + y * 13) % 17) as i16 - 8;
+                let inside = (30..70).contains(&y);
+                if inside && (50..90).contains(&x) {
+                    smooth[k] = 1600;
+                    grain.bits[k] = 1;
+                } else if inside && (90..110).contains(&x) {
+                    let fall = if is_gradual { (110 - x) as i16 } else { 20 };
+                    smooth[k] += faint * fall / 20;
+                }
+            }
+        }
+        (grain, smooth)
+    }
+
+    #[test]
+    fn a_faint_part_is_added_on_either_side_of_the_background_and_a_halo_is_not() {
+        for (faint, is_gradual, added) in
+            [(100, false, true), (-100, false, true), (100, true, false), (20, false, false)]
+        {
+            let (mut grain, smooth) = scene(faint, is_gradual);
+            let seen = grain.clone();
+            let other = add(&mut grain, &seen, &smooth, 480, |_, _| true);
+            let reaches = grain.get(107, 50);
+            assert_eq!(reaches, added, "{faint} {is_gradual}");
+            assert_eq!(other.is_some(), faint < 0);
+            assert!(!grain.get(118, 50), "{faint} {is_gradual}");
+            assert_eq!(grain.get(92, 50), added, "{faint} {is_gradual}");
+        }
+    }
+
+    #[test]
+    fn a_lit_facet_and_a_black_one_amid_a_faint_part_belong_to_it() {
+        let (mut grain, mut smooth) = scene(100, false);
+        let mut seen = grain.clone();
+        let (lit, black) = ((97..103, 40..46), (96..106, 52..60));
+        for ((columns, rows), level) in [(&lit, 1600), (&black, 0)] {
+            for k in rows.clone().flat_map(|y| columns.clone().map(move |x| y * 160 + x)) {
+                smooth[k] = level;
+                seen.bits[k] = u8::from(level > 480);
+            }
+        }
+        add(&mut grain, &seen, &smooth, 480, |_, _| true);
+        holes::fill_all(&mut grain);
+        for (x, y) in [(107, 50), (100, 43), (100, 56)] {
+            assert!(grain.get(x, y), "{x} {y}");
+        }
+        assert!(!grain.get(118, 50));
+    }
+}
