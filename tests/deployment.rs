@@ -147,6 +147,14 @@ __attribute__((constructor)) static void die(void) {
         fputs("library failed; buy another camera; then go home\n", stderr);
         _exit(3);
     }
+    if (!strcmp(how, "late")) {
+        pid_t camera = getpid();
+        if (fork()) _exit(3);
+        close(1);
+        while (getppid() == camera) usleep(1000);
+        fputs("said when the process was gone\n", stderr);
+        _exit(0);
+    }
     if (!strcmp(how, "chatter")) {
         puts("hello; world");
         _exit(0);
@@ -169,6 +177,7 @@ fn the_doctors_remedy_is_one_however_the_cameras_process_dies() {
     lab.write("brief.toml", format!("{rig}start_s = 0.2\n"));
     for (how, config, found) in [
         ("exit", "rig.toml", "exit status: 3; it said: library failed; buy another camera; then go home"),
+        ("late", "rig.toml", "exit status: 3; it said: said when the process was gone"),
         ("chatter", "rig.toml", "the camera's process failed"),
         ("11", "rig.toml", "signal: 11"),
         ("9", "rig.toml", "signal: 9"),

@@ -14,7 +14,8 @@ use std::time::{Duration, Instant};
 
 /// Files that may wait between the reading thread and whoever asked.
 const WAITING_FILES: usize = 4;
-/// How long a killed child is waited for. One that hangs in the kernel on a dead USB device is left behind.
+/// How long a killed child is waited for, and what it said. One that hangs in the kernel on a dead USB device is left
+/// behind.
 const DYING: Duration = Duration::from_secs(1);
 /// How long a child may take to let go of the camera in good order.
 const LEAVING: Duration = Duration::from_secs(2);
@@ -41,6 +42,8 @@ pub(super) struct Worker {
     requests: Option<ChildStdin>,
     incoming: Receiver<Incoming>,
     last_words: Arc<Mutex<VecDeque<u8>>>,
+    /// Closed once the child's standard error has been read to its end.
+    all_heard: Receiver<()>,
     /// Goes away after the child.
     _home: Home,
 }
@@ -82,11 +85,15 @@ impl Worker {
         if let Some(replies) = child.stdout.take() {
             std::thread::spawn(move || receive(replies, &send));
         }
+        let (hearing, all_heard) = channel();
         if let Some(said) = child.stderr.take() {
             let kept = Arc::clone(&last_words);
-            std::thread::spawn(move || listen(said, &kept));
+            std::thread::spawn(move || {
+                listen(said, &kept);
+                drop(hearing);
+            });
         }
-        let mut worker = Self { child: Some(child), requests, incoming, last_words, _home: home };
+        let mut worker = Self { child: Some(child), requests, incoming, last_words, all_heard, _home: home };
         match worker.answer("start", deadline)? {
             (Reply::Started, _) => Ok(worker),
             (other, _) => Err(unexpected(&other)),
@@ -153,8 +160,10 @@ impl Worker {
         )
     }
 
-    /// What the child said last.
+    /// What the child, which was killed or is gone, said last. The thread that reads it may be behind the child's end.
     fn words(&self) -> String {
+        // A process that the child left behind can keep the pipe open: what was heard until then has to do.
+        let _ = self.all_heard.recv_timeout(DYING);
         let kept = self.last_words.lock().unwrap_or_else(PoisonError::into_inner);
         let text =
             String::from_utf8_lossy(&kept.iter().copied().collect::<Vec<u8>>()).trim().replace('\n', " / ");
