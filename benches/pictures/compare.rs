@@ -90,7 +90,7 @@ fn cut_as_stated(
     };
     let pedestal = pedestal(&stated["pedestal"]);
     let threshold = stated["threshold_used_levels"].as_f64();
-    let known = Known { threshold, pedestal: pedestal.map(|p| (p, KNOWN_PX)) };
+    let known = Known { threshold, pedestal: pedestal.map(|p| (p, KNOWN_PX)), held: None };
     let mut found = find_with(picture, background, &settings, &known).ok()?;
     if let Some(pedestal) = pedestal {
         found.recut(pedestal);

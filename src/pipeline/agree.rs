@@ -28,10 +28,10 @@ const OTHER_LIGHT: (f64, f64) = (0.08, 6.0);
 const KNOWN_PX: f64 = 2.0;
 
 impl Pipeline {
-    /// Lets the views decide together what each is cut by, and cuts those again that were cut otherwise.
-    pub(super) fn agree(&self, segmented: &mut [SegmentedView]) -> Result<(), PipelineError> {
+    /// Lets the views decide together what each is cut by, and cuts those again that were cut otherwise. The decision.
+    pub(super) fn agree(&self, segmented: &mut [SegmentedView]) -> Result<Decision, PipelineError> {
+        let mut decision = self.decide(segmented);
         for round in 0..ROUNDS {
-            let decision = self.decide(segmented);
             let again: Vec<bool> = segmented.iter().map(|view| decision.differs(&view.found)).collect();
             if !again.contains(&true) {
                 break;
@@ -44,8 +44,9 @@ impl Pipeline {
                 view.replace(one);
                 Ok::<(), PipelineError>(())
             })?;
+            decision = self.decide(segmented);
         }
-        Ok(())
+        Ok(decision)
     }
 
     /// What the views say together.
@@ -145,13 +146,13 @@ impl Decision {
     }
 
     /// The settings and the knowledge that a view is cut again with.
-    fn for_view(&self, found: &Segmentation) -> (Settings, Known) {
+    pub(super) fn for_view(&self, found: &Segmentation) -> (Settings, Known<'static>) {
         let mut settings = self.settings.clone();
         if self.from.is_none() {
             // As the file or a person says.
             settings.tone_curve = found.report.tone_curve;
         }
-        let known = Known { threshold: self.threshold, pedestal: self.pedestal };
+        let known = Known { threshold: self.threshold, pedestal: self.pedestal, held: None };
         (settings, if self.is_unlike(found) { Known::default() } else { known })
     }
 }

@@ -7,6 +7,7 @@
 mod agree;
 mod cameras;
 mod convergence;
+mod held;
 mod merge;
 mod pedestal;
 mod pictures;

@@ -1,8 +1,7 @@
 //! One pose of a grain: cut out and calibrated as for a hull of its own, and carved for its volume.
 
-use super::agree::take_rim;
 use super::cameras::cameras_of;
-use super::pedestal::{self, mixed_px};
+use super::pedestal::mixed_px;
 use super::quality::compare;
 use super::reconstruct::{ALONE_POINTS, MOST_DEFAULT_CELLS, SegmentedView};
 use super::result::ViewResult;
@@ -55,14 +54,7 @@ impl Pipeline {
             }
             Cameras::Given { .. } => {}
         }
-        let mut segmented = self.take(views, observer)?;
-        if segmented.len() < self.views {
-            return Err(PipelineError::MissingViews { got: segmented.len(), expected: self.views });
-        }
-        segmented.sort_by_key(|t| t.index);
-        self.agree(&mut segmented)?;
-        let (consensus, mut warnings) = pedestal::recut(&self.cameras, &mut segmented)?;
-        take_rim(&mut segmented);
+        let (mut segmented, consensus, mut warnings) = self.cut(views, observer)?;
         warnings.extend(compare(&self.cameras, &mut segmented, observer));
         let measured =
             cameras_of(&self.cameras, self.full_step_deg, &segmented, consensus.as_ref(), &mut warnings)?;

@@ -12,7 +12,7 @@ use grainrig_core::formats::Photograph;
 use grainrig_core::geometry::{Aabb, Angle, Point};
 use grainrig_core::hull::{Cone, HullGrid};
 use grainrig_core::report::Shot;
-use grainrig_core::silhouette::{self, Known, Segmentation, Source, Traits, ViewQuality};
+use grainrig_core::silhouette::{self, Known, PedestalConsensus, Segmentation, Source, Traits, ViewQuality};
 use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -83,6 +83,11 @@ impl SegmentedPicture {
     /// Its figures, to be compared with other views'.
     pub(super) fn traits(&self) -> Option<&Traits> {
         self.traits.as_ref()
+    }
+
+    /// The outline, and how it was got.
+    pub(super) fn found_mut(&mut self) -> &mut Segmentation {
+        &mut self.found
     }
 
     /// Notes what all views decided on the tone curve.
@@ -157,14 +162,7 @@ impl Pipeline {
         if let Cameras::Turntable(t) = &self.cameras {
             t.check()?;
         }
-        let mut segmented = self.take(views, observer)?;
-        if segmented.len() < self.views {
-            return Err(PipelineError::MissingViews { got: segmented.len(), expected: self.views });
-        }
-        segmented.sort_by_key(|t| t.index);
-        self.agree(&mut segmented)?;
-        let (consensus, warnings) = pedestal::recut(&self.cameras, &mut segmented)?;
-        take_rim(&mut segmented);
+        let (mut segmented, consensus, warnings) = self.cut(views, observer)?;
         let told = compare(&self.cameras, &mut segmented, observer);
         let cameras = (&self.cameras, self.full_step_deg);
         let mut made = reconstruct(&self.settings, cameras, &segmented, (consensus, warnings), observer)?;
@@ -172,8 +170,27 @@ impl Pipeline {
         Ok(made)
     }
 
+    /// Cuts out all views, by what they say together: each as it comes, then by one decision for all of them, at the pedestal that they
+    /// share, and with what the others hold of it. The views in the plan's order, the pedestal, and what a person should know.
+    pub(super) fn cut(
+        &self,
+        views: Receiver<View>,
+        observer: &Observer,
+    ) -> Result<(Vec<SegmentedView>, Option<PedestalConsensus>, Vec<String>), PipelineError> {
+        let mut segmented = self.take(views, observer)?;
+        if segmented.len() < self.views {
+            return Err(PipelineError::MissingViews { got: segmented.len(), expected: self.views });
+        }
+        segmented.sort_by_key(|t| t.index);
+        let decision = self.agree(&mut segmented)?;
+        let (consensus, warnings) = pedestal::recut(&self.cameras, &mut segmented)?;
+        let rim_px = take_rim(&mut segmented);
+        self.hold(&mut segmented, (&decision, consensus.as_ref(), rim_px))?;
+        Ok((segmented, consensus, warnings))
+    }
+
     /// Cuts out all views, in the order in which they come.
-    pub(super) fn take(
+    fn take(
         &self,
         views: Receiver<View>,
         observer: &Observer,
@@ -271,7 +288,7 @@ impl Pipeline {
         view: usize,
         bytes: &[u8],
         settings: &silhouette::Settings,
-        known: &Known,
+        known: &Known<'_>,
     ) -> Result<SegmentedPicture, PipelineError> {
         let start = Instant::now();
         let ended = self.found(view, bytes, (settings, known), start);
@@ -287,7 +304,7 @@ impl Pipeline {
         &self,
         view: usize,
         bytes: &[u8],
-        (settings, known): (&silhouette::Settings, &Known),
+        (settings, known): (&silhouette::Settings, &Known<'_>),
         start: Instant,
     ) -> Result<SegmentedPicture, PipelineError> {
         let picture = Photograph::open(bytes)

@@ -25,6 +25,7 @@ pub mod estimate;
 mod grid;
 mod lattice;
 mod measure;
+mod others;
 mod reproject;
 pub mod slices;
 
@@ -33,6 +34,7 @@ pub use bounds::find_bounds;
 pub use cone::Cone;
 pub use grid::{HullGrid, VoxelCount};
 pub use measure::Measures;
+pub use others::held_by_others;
 pub use reproject::silhouette_iou;
 
 use crate::geometry::{Aabb, ImplicitBody, Point};

@@ -60,23 +60,28 @@ fn window(cone: &Cone, triangles: &[[Point; 3]]) -> Window {
     Window { origin, size }
 }
 
-/// Marks the pixels whose centres lie in the triangle a b c.
+/// Marks the pixels whose centres lie in the triangle a b c. Most triangles are as small as a pixel, and lie behind another.
 fn fill(covered: &mut [bool], w: usize, h: usize, a: [f64; 2], b: [f64; 2], c: [f64; 2]) {
-    let low = |k: usize| a[k].min(b[k]).min(c[k]).ceil().max(0.0);
-    let high = |k: usize, n: usize| a[k].max(b[k]).max(c[k]).floor().min(n as f64 - 1.0);
-    let (x0, x1, y0, y1) = (low(0), high(0, w), low(1), high(1, h));
-    if !(x0 <= x1 && y0 <= y1) {
-        return;
-    }
+    let range = |k: usize, n: usize| {
+        let (low, high) = (a[k].min(b[k]).min(c[k]), a[k].max(b[k]).max(c[k]));
+        // Rounded by conversions: `ceil` and `floor` are calls on the processors that programs are built for.
+        let first = low.max(0.0) as usize;
+        let first = first + usize::from((first as f64) < low);
+        let end = if high < 0.0 { 0 } else { (high as usize).saturating_add(1) };
+        first..end.min(n)
+    };
+    let (columns, rows) = (range(0, w), range(1, h));
     let cross =
         |p: [f64; 2], q: [f64; 2], x: f64, y: f64| (q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0]);
-    for row in y0 as usize..=y1 as usize {
-        for column in x0 as usize..=x1 as usize {
+    for row in rows {
+        for column in columns.clone() {
+            let pixel = &mut covered[row * w + column];
+            if *pixel {
+                continue;
+            }
             let (x, y) = (column as f64, row as f64);
             let e = [cross(a, b, x, y), cross(b, c, x, y), cross(c, a, x, y)];
-            if e.iter().all(|v| *v >= 0.0) || e.iter().all(|v| *v <= 0.0) {
-                covered[row * w + column] = true;
-            }
+            *pixel = e.iter().all(|v| *v >= 0.0) || e.iter().all(|v| *v <= 0.0);
         }
     }
 }

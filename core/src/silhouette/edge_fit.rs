@@ -48,8 +48,9 @@ const LEAST_OF_OWN: f64 = 0.7;
 /// Steps of the fit, and what ends them, pixels.
 const STEPS: usize = 12;
 const SETTLED_PX: f64 = 5e-3;
-/// Of so many places along the outline one is asked for the blur.
+/// Of so many places along the outline one is asked for the blur, or fewer of a long outline, as so many in all say it.
 const EVERY: usize = 6;
+const ASKED: usize = 160;
 /// Shares of the blur as the placed outline shows it, which a wavering outline widens, among which the lens's is sought.
 const BLURS: [f64; 12] = [0.26, 0.34, 0.42, 0.5, 0.58, 0.66, 0.74, 0.82, 0.9, 0.98, 1.06, 1.14];
 /// The lens's blur is this quantile of the places': few edges look sharper than the lens makes them.
@@ -117,7 +118,7 @@ pub(super) fn fitted(
     let places: Vec<Place> = places.into_iter().filter(|p| open(p.at[0], p.at[1])).collect();
     // Of a sharp edge the placed outline shows too little: few pixels lie on it.
     let shown = (blur_px.powi(2) - SMOOTHED_PX.powi(2)).max(0.0).sqrt().hypot(SHARP_PX);
-    let mut blurs: Vec<f64> = (places.par_iter().step_by(EVERY))
+    let mut blurs: Vec<f64> = (places.par_iter().step_by(EVERY.max(places.len() / ASKED)))
         .map(|place| {
             let cost = |share: &f64| edge(&seen, place, (share * shown).max(LEAST_BLUR), shown).cost;
             least(&BLURS.iter().map(cost).collect::<Vec<_>>())

@@ -24,50 +24,81 @@ const EDGE: usize = 2;
 const LEAST_AREA: (usize, f64) = (24, 5e-4);
 /// Between so many pixels beyond a part the background shows …
 const BESIDE: [usize; 2] = [2, 5];
-/// … which is when this share of the pixels there differ by less than this share of the difference.
+/// … which is when this share of the pixels there differ by less than this share of the difference: of all parts, and of those that the other
+/// views hold, beyond which only what they do not hold is looked at.
 const SHOWS: f64 = 0.75;
+const SHOWS_BEYOND_HELD: f64 = 0.5;
 const LITTLE: f64 = 0.5;
 
-/// Adds the faint parts to the grain. `smooth` are the plane's smoothed values, `seen` is all that a threshold finds, and
-/// `open` gives for a pixel whether grain can be there (not below the pedestal's top). Gives the pixels of the added parts on which
-/// the grain lies on the background's other side, where there are any.
+/// Where the grain can be: all rows before `rows`, and of the others what `at` (column, row) says.
+pub(super) struct Open<F> {
+    pub rows: usize,
+    pub at: F,
+}
+
+impl<F: Fn(usize, usize) -> bool> Open<F> {
+    fn holds(&self, x: usize, y: usize) -> bool {
+        y < self.rows || (self.at)(x, y)
+    }
+
+    /// Takes out of a mask what is not open.
+    fn keep(&self, mask: &mut Mask) {
+        for (y, row) in mask.bits.chunks_exact_mut(mask.width).enumerate().skip(self.rows) {
+            row.iter_mut().enumerate().for_each(|(x, bit)| *bit &= u8::from((self.at)(x, y)));
+        }
+    }
+}
+
+/// What became of the faint parts.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Added {
+    /// The pixels that were added, where there are any, and those of them on which the grain lies on the background's other side.
+    pub parts: Option<Mask>,
+    pub other_side: Option<Mask>,
+    /// Area of the parts that were left out although they touch the grain, as no background shows beyond them.
+    pub unsure_px: usize,
+    /// Area of the parts that were added because the other views hold them.
+    pub held_px: usize,
+}
+
+/// Adds the faint parts to the grain. `smooth` are the plane's smoothed values, `seen` is all that a threshold finds,
+/// `open` tells where the grain can be (not below the pedestal's top), and `held` where the other views' hull lies, where that is known:
+/// parts are looked for within it alone.
 pub(super) fn add(
     grain: &mut Mask,
     seen: &Mask,
     smooth: &[i16],
     threshold: i16,
-    open: impl Fn(usize, usize) -> bool,
-) -> Option<Mask> {
+    open: &Open<impl Fn(usize, usize) -> bool>,
+    held: Option<impl Fn(usize, usize) -> bool>,
+) -> Added {
     let (w, h) = (grain.width, grain.height);
-    let near = seen.dilated(FAR);
-    let mut usual: Vec<i16> = (0..h)
-        .flat_map(|y| (0..w).map(move |x| (x, y)))
-        .filter(|&(x, y)| near.bits[y * w + x] == 0 && open(x, y))
-        .map(|(x, y)| smooth[y * w + x].saturating_abs())
-        .collect();
-    if usual.is_empty() {
-        return None;
-    }
-    let middle = usual.len() / 2;
-    let usual = *usual.select_nth_unstable(middle).1;
+    let mut far = seen.dilated(FAR).complement();
+    open.keep(&mut far);
+    let Some(usual) = usual(smooth, &far) else { return Added::default() };
     let differs = ((BEYOND * f64::from(usual)) as i16).max(LEAST);
-    let others_too = smooth.iter().any(|v| *v < -threshold);
+    let others_too = smooth.iter().min().is_some_and(|v| *v < -threshold);
     if f64::from(threshold) < WORTHWHILE * f64::from(differs) && !others_too {
-        return None;
+        return Added::default();
     }
     // What a threshold finds is the grain, or another object.
     let around = seen.dilated(EDGE);
-    let mut faint = Mask::empty(w, h);
-    for y in 0..h {
-        for x in 0..w {
-            let k = y * w + x;
-            faint.bits[k] =
-                u8::from(smooth[k].saturating_abs() > differs && around.bits[k] == 0 && open(x, y));
-        }
+    let bits = smooth.iter().zip(&around.bits).map(|(v, a)| u8::from(v.saturating_abs() > differs) & (1 - a));
+    let mut faint = Mask { width: w, height: h, bits: bits.collect() };
+    open.keep(&mut faint);
+    let by_others = held.map(|held| Mask {
+        bits: (0..w * h).map(|k| u8::from(held(k % w, k / w))).collect(),
+        ..Mask::empty(w, h)
+    });
+    if let Some(held) = &by_others {
+        faint.bits.iter_mut().zip(&held.bits).for_each(|(bit, held)| *bit &= held);
     }
     let faint = faint.eroded(HALF_WIDTH).dilated(HALF_WIDTH);
     let (runs, components) = faint.components(Connect::Sides);
     let least = LEAST_AREA.0.max((LEAST_AREA.1 * grain.area() as f64) as usize);
+    if components.iter().all(|c| c.area < least) {
+        return Added::default();
+    }
     let at_grain = grain.dilated(EDGE + HALF_WIDTH + 1);
     let mut touches = vec![0_usize; components.len()];
     for run in &runs {
@@ -79,6 +110,7 @@ pub(super) fn add(
         .map(|((c, touches), leads_out)| c.area >= least && *touches > 0 && !leads_out)
         .collect();
     let near_seen = seen.dilated(EDGE + BESIDE[1]);
+    let shows = if by_others.is_some() { SHOWS_BEYOND_HELD } else { SHOWS };
     let mut kept = vec![false; components.len()];
     for k in (0..components.len()).filter(|&k| large[k]) {
         let part = faint.select(&runs, |other| other == k);
@@ -86,6 +118,9 @@ pub(super) fn add(
         // A lit facet or a black one amid the part is not beyond it, nor what is between the part and the pedestal.
         let mut closed = part.clone();
         closed.add(&around);
+        if let Some(held) = &by_others {
+            closed.add(held);
+        }
         let mut closed = closed.closed(BESIDE[1]);
         holes::fill_all(&mut closed);
         let (mut beyond, mut little) = (0_usize, 0_usize);
@@ -94,7 +129,7 @@ pub(super) fn add(
                 let i = y * w + x;
                 if outer.bits[i] != 0
                     && [&inner, &near_seen, &closed].iter().all(|m| m.bits[i] == 0)
-                    && open(x, y + BESIDE[1])
+                    && open.holds(x, y + BESIDE[1])
                 {
                     beyond += 1;
                     little +=
@@ -103,38 +138,57 @@ pub(super) fn add(
             }
         }
         // A strip as narrow as the grain's surroundings has nothing beyond that is clear of the grain.
-        kept[k] = beyond == 0 || little as f64 >= SHOWS * beyond as f64;
+        kept[k] = beyond == 0 || little as f64 >= shows * beyond as f64;
     }
+    let area = |of: &dyn Fn(usize) -> bool| (0..components.len()).filter(|k| of(*k)).map(|k| components[k].area).sum();
+    let unsure_px = area(&|k| large[k] && !kept[k]);
     if !kept.contains(&true) {
-        return None;
+        return Added { unsure_px, ..Added::default() };
     }
+    let held_px = if by_others.is_some() { area(&|k| kept[k]) } else { 0 };
     let parts = faint.select(&runs, |k| kept[k]);
     let mut both = parts.clone();
     both.add(grain);
     let gap = EDGE + HALF_WIDTH + 1;
-    both.add(&lit_facets(seen, &parts.dilated(gap), &open));
+    both.add(&lit_facets(seen, &parts.dilated(gap), open));
     let mut closed = both.closed(gap);
     for y in 0..h {
         for x in 0..w {
             // Beyond the picture's ends there is nothing to close a gap to.
             let inside = x >= gap && y >= gap && x + gap < w && y + gap < h;
             let k = y * w + x;
-            closed.bits[k] = u8::from(open(x, y)) & if inside { closed.bits[k] } else { both.bits[k] };
+            closed.bits[k] = u8::from(open.holds(x, y)) & if inside { closed.bits[k] } else { both.bits[k] };
         }
     }
     let before = std::mem::replace(grain, closed.largest());
-    let mut other_side = Mask::empty(w, h);
-    for (k, bit) in other_side.bits.iter_mut().enumerate() {
-        *bit = u8::from(grain.bits[k] != 0 && before.bits[k] == 0 && smooth[k] < 0);
+    let added = grain.bits.iter().zip(&before.bits).map(|(after, before)| after & (1 - before));
+    let parts = Mask { bits: added.collect(), ..before };
+    let bits = parts.bits.iter().zip(smooth).map(|(part, v)| part & u8::from(*v < 0)).collect();
+    let other_side = Mask { bits, ..parts };
+    let some = |mask: Mask| mask.bits.contains(&1).then_some(mask);
+    Added { parts: some(parts), other_side: some(other_side), unsure_px, held_px }
+}
+
+/// Median size of the values in a mask; `None` where it is empty.
+fn usual(values: &[i16], mask: &Mask) -> Option<i16> {
+    let mut counts = vec![0_usize; 1 << 15];
+    for (v, bit) in values.iter().zip(&mask.bits) {
+        counts[v.saturating_abs() as usize] += usize::from(*bit);
     }
-    other_side.bits.contains(&1).then_some(other_side)
+    let all: usize = counts.iter().sum();
+    let mut passed = 0;
+    let middle = counts.iter().position(|count| {
+        passed += count;
+        2 * passed > all
+    });
+    middle.map(|size| size as i16)
 }
 
 /// What a threshold finds at the parts: facets of the grain that its dark side cuts off.
-fn lit_facets(seen: &Mask, at_parts: &Mask, open: impl Fn(usize, usize) -> bool) -> Mask {
+fn lit_facets(seen: &Mask, at_parts: &Mask, open: &Open<impl Fn(usize, usize) -> bool>) -> Mask {
     let w = seen.width;
     let mut above = seen.clone();
-    above.bits.iter_mut().enumerate().for_each(|(k, bit)| *bit &= u8::from(open(k % w, k / w)));
+    open.keep(&mut above);
     let (runs, components) = above.components(Connect::Sides);
     let leads_out = leading_out(&runs, components.len(), &above);
     let mut touches = vec![false; components.len()];
@@ -182,6 +236,12 @@ mod tests {
         (grain, smooth)
     }
 
+    const NOBODY: Option<fn(usize, usize) -> bool> = None;
+
+    fn anywhere() -> Open<impl Fn(usize, usize) -> bool> {
+        Open { rows: 0, at: |_, _| true }
+    }
+
     #[test]
     fn a_faint_part_is_added_on_either_side_of_the_background_and_a_halo_is_not() {
         for (faint, is_gradual, added) in
@@ -189,10 +249,10 @@ mod tests {
         {
             let (mut grain, smooth) = scene(faint, is_gradual);
             let seen = grain.clone();
-            let other = add(&mut grain, &seen, &smooth, 480, |_, _| true);
+            let other = add(&mut grain, &seen, &smooth, 480, &anywhere(), NOBODY);
             let reaches = grain.get(107, 50);
             assert_eq!(reaches, added, "{faint} {is_gradual}");
-            assert_eq!(other.is_some(), faint < 0);
+            assert_eq!(other.other_side.is_some(), faint < 0);
             assert!(!grain.get(118, 50), "{faint} {is_gradual}");
             assert_eq!(grain.get(92, 50), added, "{faint} {is_gradual}");
         }
@@ -209,7 +269,7 @@ mod tests {
                 seen.bits[k] = u8::from(level > 480);
             }
         }
-        add(&mut grain, &seen, &smooth, 480, |_, _| true);
+        add(&mut grain, &seen, &smooth, 480, &anywhere(), NOBODY);
         holes::fill_all(&mut grain);
         for (x, y) in [(107, 50), (100, 43), (100, 56)] {
             assert!(grain.get(x, y), "{x} {y}");

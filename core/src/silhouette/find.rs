@@ -8,7 +8,7 @@ use super::report::{PedestalOutline, Report};
 use super::search::{Scene, search};
 use super::symmetry::{self, EdgePoint, LEAST_EDGES, Surroundings};
 use super::{
-    EdgeSymmetry, EdgeTail, Histogram, LocalRim, Settings, Silhouette, SilhouetteError, SmallCopy, Source,
+    EdgeSymmetry, EdgeTail, HeldByOthers, Histogram, LocalRim, Settings, Silhouette, SilhouetteError, SmallCopy, Source,
     ToneCurve, ToneSource, Uncut,
 };
 use super::{frame, lit};
@@ -35,6 +35,9 @@ pub struct Segmentation {
     pub tail: Option<EdgeTail>,
     /// How that rim differs along the outline; empty where none shows.
     pub rims: Vec<LocalRim>,
+    /// Area of parts that touch the grain and differ from the background, but were left out as no background shows beyond them, square
+    /// pixels: what the other views hold of them is the grain's.
+    pub unsure_px: usize,
     /// The small copy on which the grain was sought.
     pub small: SmallCopy,
 }
@@ -58,11 +61,13 @@ pub fn find(
 
 /// What the other views of the same grain say.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Known {
+pub struct Known<'a> {
     /// The threshold of all views, grey levels; held where Otsu's would be less.
     pub threshold: Option<f64>,
     /// The pedestal, and by how many pixels it may be off.
     pub pedestal: Option<(PedestalOutline, f64)>,
+    /// Where their hull lies, once it is known: within it a part that differs from the background is the grain's.
+    pub held: Option<&'a HeldByOthers>,
 }
 
 /// As [`find`], with what the other views of the same grain say.
@@ -73,7 +78,7 @@ pub fn find_with(
     picture: &dyn Source,
     background: Option<&dyn Source>,
     settings: &Settings,
-    known: &Known,
+    known: &Known<'_>,
 ) -> Result<Segmentation, SilhouetteError> {
     settings.check()?;
     let shape = picture.shape();

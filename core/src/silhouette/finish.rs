@@ -38,13 +38,15 @@ pub(super) fn finish(
             }
         }
     }
-    // The outline lies near the body: little of the region has to be looked at for it. Of the pedestal, all of which
-    // is cut off, no more than is as high as the grain.
+    // The outline lies near the body: little of the region has to be looked at for it, and of the pedestal, all of which is cut
+    // off, no more than the outline of what stands on it needs.
     let mut whole = Rect { x0: 0, y0: 0, x1: plane.width, y1: plane.height };
     if let (Some(pedestal), Some(grain)) = (pedestal, grain.bounds()) {
         let [a, b] = [grain.x0, grain.x1].map(|x| pedestal.top_at(x as f64).max(0.0) as usize);
-        let depth = grain.height().max(outline::reach(outline::WIDEST)).max(margin(&grain));
-        whole.y1 = whole.y1.min(grain.y1.max(a).max(b) + depth);
+        let around = margin(&grain) + 2 * outline::reach(outline::WIDEST);
+        let beside = grain.grown(around, &whole);
+        (whole.x0, whole.x1) = (beside.x0, beside.x1);
+        whole.y1 = whole.y1.min(grain.y1.max(a).max(b) + around);
     }
     let near = body.bounds().map(|b| b.grown(margin(&b) + outline::reach(outline::WIDEST), &whole));
     let lit = (scene, seen, curve);
@@ -78,6 +80,7 @@ pub(super) fn finish(
         symmetry: None,
         tail: None,
         rims: Vec::new(),
+        unsure_px: seen.unsure_px,
         small: SmallCopy::default(),
     })
 }
@@ -142,6 +145,7 @@ fn report(
         tone_curve: curve,
         tone_curve_from: from,
         rim_px: 0.0,
+        held_px: seen.held_px as f64,
         frame: [frame.x0, frame.y0, frame.x1, frame.y1],
         contact_width_px: pedestal.map(|p| silhouette.width_above(&p)),
         pedestal,

@@ -23,6 +23,8 @@ const RESTING: f64 = 6.0;
 const CLEAR_OF_FOOT: f64 = 2.0;
 /// So many pixels within a faint part's edge all is grain.
 const WITHIN: usize = 2;
+/// Of the rows below a pedestal's top so many times those above it are looked at further: all of the pedestal is cut off.
+const BELOW: f64 = 1.0;
 /// Bins of the histogram that is kept for a person's eye.
 const HISTOGRAM_BINS: usize = 128;
 
@@ -40,9 +42,13 @@ pub(super) struct Seen {
     pub pedestal: Option<Pedestal>,
     /// The grain without the pedestal, openings treated.
     pub grain: Mask,
-    /// Faint parts of the grain that lie on the background's other side, but for their edge: between them and the rest the grain is as
-    /// bright as the background.
+    /// Faint parts of the grain, but for their edge: they may be no farther off the background than its noise, and between them and the
+    /// rest the grain can be as bright as it.
     pub held: Option<Mask>,
+    /// Area of parts that touch the grain and differ from the background, but show none of it beyond them, so that they were left out;
+    /// and of those that were added because the other views hold them. Square pixels.
+    pub unsure_px: usize,
+    pub held_px: usize,
     /// Whether a hair led from the grain out of the picture.
     pub has_hair: bool,
     pub holes_open: usize,
@@ -56,7 +62,7 @@ pub(super) fn look(
     picture: &dyn Source,
     frame: &Rect,
     scene: &Scene,
-    (settings, known): (&Settings, &Known),
+    (settings, known): (&Settings, &Known<'_>),
 ) -> Result<Seen, SilhouetteError> {
     let mut plane = Plane::of(picture, scene.region, scene.channel, &scene.backdrop, scene.bright_grain);
     despeckle::despeckle(&mut plane, scene.backdrop.noise);
@@ -108,6 +114,14 @@ pub(super) fn look(
         None if stands => pedestal::find(shown.as_ref().unwrap_or(&occupied), &plane, noise),
         None => None,
     };
+    let all_rows = plane.height;
+    if let Some(pedestal) = &pedestal
+        && scene.region != *frame
+    {
+        let top = pedestal.top_at(0.0).max(pedestal.top_at(plane.width as f64)).max(0.0);
+        plane.keep_rows(((1.0 + BELOW) * top).ceil() as usize + outline::reach(outline::WIDEST));
+        occupied.height = plane.height;
+    }
     if let Some(pedestal) = &pedestal {
         pedestal::unmix(&mut plane, pedestal);
         smooth = pedestal::smoothed(&plane, pedestal);
@@ -150,18 +164,30 @@ pub(super) fn look(
     }
     let contrast = mean_level(&plane, &grain) / f64::from(super::plane::PER_LEVEL);
     let mut held = None;
+    let (mut unsure_px, mut held_px) = (0, 0);
     if !scene.channel.is_difference() {
-        let open = |x: usize, y: usize| {
-            pedestal.is_none_or(|p| p.below_top(x as f64, y as f64).is_none_or(|d| d < -CLEAR_OF_FOOT))
+        let open = faint::Open {
+            rows: pedestal.map_or(plane.height, |p| p.clear_above(plane.width, CLEAR_OF_FOOT).max(0.0) as usize),
+            at: |x: usize, y: usize| {
+                pedestal.is_none_or(|p| p.below_top(x as f64, y as f64).is_none_or(|d| d < -CLEAR_OF_FOOT))
+            },
         };
-        if let Some(other_side) = faint::add(&mut grain, &occupied, &smooth, limit, open) {
+        let [x0, y0] = [plane.rect.x0, plane.rect.y0];
+        let by_others = known.held.map(|held| move |x: usize, y: usize| held.holds(x0 + x, y0 + y));
+        let added = faint::add(&mut grain, &occupied, &smooth, limit, &open, by_others);
+        (unsure_px, held_px) = (added.unsure_px, added.held_px);
+        if let Some(other_side) = added.other_side {
             // There the grain is what the background is not, too.
-            let mut near = other_side.dilated(outline::BAND);
+            let near = other_side.dilated(outline::BAND);
             for (v, _) in plane.values.iter_mut().zip(&near.bits).filter(|(v, near)| **near != 0 && **v < 0) {
                 *v = -*v;
             }
-            near.bits.iter_mut().zip(&grain.bits).for_each(|(near, grain)| *near &= grain);
-            held = Some(near.eroded(WITHIN));
+        }
+        if let Some(parts) = added.parts {
+            let mut within = grain.eroded(WITHIN);
+            let near = parts.dilated(outline::BAND);
+            within.bits.iter_mut().zip(&near.bits).for_each(|(bit, near)| *bit &= near);
+            held = Some(within);
         }
     }
     let gap = holes::Background { noise, contrast };
@@ -175,11 +201,12 @@ pub(super) fn look(
     pieces::join(&mut grain, &apart, |k| smooth[k] > clear);
     occupied.bits.iter_mut().zip(&grain.bits).for_each(|(o, g)| *o |= g);
     let (w, h) = (grain.width, grain.height);
+    let last = if h < all_rows { h.saturating_sub(outline::reach(outline::WIDEST)) } else { h - 1 };
     let reaches = [
         (0..h).any(|y| grain.get(0, y)),
         (0..h).any(|y| grain.get(w - 1, y)),
         (0..w).any(|x| grain.get(x, 0)),
-        (0..w).any(|x| grain.get(x, h - 1)),
+        grain.bits[last * w..].contains(&1),
     ];
     Ok(Seen {
         plane,
@@ -193,6 +220,8 @@ pub(super) fn look(
         pedestal,
         grain,
         held,
+        unsure_px,
+        held_px,
         has_hair,
         holes_open,
         contrast,

@@ -1,8 +1,7 @@
-//! Pixel-accurate masks: connected components by runs (He, Chao & Suzuki 2008), and square erosion.
+//! Pixel-accurate masks: connected components by runs (He, Chao & Suzuki 2008).
 
 use super::rect::Rect;
 use memchr::{memchr, memrchr};
-use rayon::prelude::*;
 
 /// A mask over a rectangle: one byte a pixel, 0 or 1.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -191,65 +190,6 @@ impl Mask {
         let candidate = |k: usize| is_marked[k] && 10 * components[k].area >= greatest;
         let best = (0..components.len()).rev().max_by_key(|&k| (candidate(k), components[k].area));
         self.select(&runs, |k| Some(k) == best)
-    }
-
-    /// Pixels whose whole square of half width `radius` is set; what lies outside the rectangle is set.
-    pub(super) fn eroded(&self, radius: usize) -> Self {
-        let (w, h) = (self.width, self.height);
-        let side = 2 * radius + 1;
-        // With the rows of set pixels above and below.
-        let mut rows = vec![1u8; w * (h + 2 * radius)];
-        let middle = &mut rows[radius * w..(radius + h) * w];
-        middle.par_chunks_mut(w).zip(self.bits.par_chunks(w)).for_each_init(
-            || [vec![1u8; w + 2 * radius], vec![1u8; w + 2 * radius]],
-            |[line, next], (out, row)| {
-                line.fill(1);
-                line[radius..radius + w].copy_from_slice(row);
-                for step in doublings(side) {
-                    let n = line.len() - step;
-                    both(&line[..n], &line[step..], &mut next[..n]);
-                    std::mem::swap(line, next);
-                }
-                out.copy_from_slice(&line[..w]);
-            },
-        );
-        let mut next = vec![1u8; rows.len()];
-        for step in doublings(side) {
-            let n = rows.len() - step * w;
-            let (here, there) = (&rows[..n], &rows[step * w..]);
-            (next[..n].par_chunks_mut(w).enumerate()).for_each(|(y, out)| {
-                both(&here[y * w..][..w], &there[y * w..][..w], out);
-            });
-            std::mem::swap(&mut rows, &mut next);
-        }
-        rows.truncate(w * h);
-        Self { width: w, height: h, bits: rows }
-    }
-
-    /// With the gaps filled that no square of half width `radius` fits into; nothing is taken away.
-    pub(super) fn closed(&self, radius: usize) -> Self {
-        self.dilated(radius).eroded(radius)
-    }
-
-    /// Pixels whose square of half width `radius` holds a set one.
-    pub(super) fn dilated(&self, radius: usize) -> Self {
-        self.complement().eroded(radius).complement()
-    }
-}
-
-/// Steps after which a value and-ed with the one a step on has taken in `side` values: 1, 2, 4 …, and the rest.
-fn doublings(side: usize) -> impl Iterator<Item = usize> {
-    let mut reached = 1;
-    std::iter::from_fn(move || {
-        let step = reached.min(side - reached);
-        reached += step;
-        (step > 0).then_some(step)
-    })
-}
-
-fn both(a: &[u8], b: &[u8], out: &mut [u8]) {
-    for ((o, a), b) in out.iter_mut().zip(a).zip(b) {
-        *o = a & b;
     }
 }
 

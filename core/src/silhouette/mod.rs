@@ -21,12 +21,14 @@ mod find;
 mod finish;
 mod frame;
 mod hair;
+mod held;
 mod highlights;
 mod holes;
 mod ideal;
 mod lit;
 mod look;
 mod mask;
+mod morphology;
 mod otsu;
 mod otsu_area;
 mod outline;
@@ -52,6 +54,7 @@ pub use channel::Channel;
 pub use error::SilhouetteError;
 pub use field::Silhouette;
 pub use find::{Known, Segmentation, find, find_with};
+pub use held::HeldByOthers;
 pub use otsu::{Histogram, Split2, Split3};
 pub use pedestal::{
     ConsensusValue, PedestalConsensus, SmallCopy, Uncut, pedestal_consensus, standing_pedestal,

@@ -52,6 +52,13 @@ impl Plane {
         Self { rect, width: part.width(), height: part.height(), values }
     }
 
+    /// Forgets the rows after so many.
+    pub(super) fn keep_rows(&mut self, rows: usize) {
+        self.height = self.height.min(rows);
+        self.rect.y1 = self.rect.y0 + self.height;
+        self.values.truncate(self.width * self.height);
+    }
+
     /// Histogram of the values, grey levels, over the range they really take.
     pub(super) fn histogram(&self) -> Histogram {
         let mut counts = vec![0u64; 1 << 16];

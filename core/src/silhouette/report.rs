@@ -56,6 +56,9 @@ pub struct Report {
     pub tone_curve_from: ToneSource,
     /// How far the outline was moved outwards of half-way because the grain's rim mirrors the background, pixels.
     pub rim_px: f64,
+    /// Area that was added because the other views hold it, where little tells the grain from the background, square pixels.
+    #[serde(rename = "held_px2")]
+    pub held_px: f64,
     /// The pedestal, where one was cut off.
     pub pedestal: Option<PedestalOutline>,
     /// Width of the outline one pixel above the pedestal's top, where the grain stands on it, pixels.
