@@ -28,6 +28,12 @@ const BESIDE: [usize; 2] = [2, 5];
 /// views hold, beyond which only what they do not hold is looked at.
 const SHOWS: f64 = 0.75;
 const SHOWS_BEYOND_HELD: f64 = 0.5;
+/// A bay as dark as the background that the other views hold is the grain's shade when this share of what is around it, within so many
+/// pixels, is the grain or the pedestal; a hollow that one view looks through is open, and a strip beside the outline is open all along. Half
+/// the width of the narrowest bay, pixels.
+const ENCLOSED: f64 = 0.7;
+const AROUND_BAY: usize = 4;
+const HALF_BAY: usize = 3;
 const LITTLE: f64 = 0.5;
 
 /// Where the grain can be: all rows before `rows`, and of the others what `at` (column, row) says.
@@ -140,12 +146,13 @@ pub(super) fn add(
         // A strip as narrow as the grain's surroundings has nothing beyond that is clear of the grain.
         kept[k] = beyond == 0 || little as f64 >= shows * beyond as f64;
     }
-    let area = |of: &dyn Fn(usize) -> bool| (0..components.len()).filter(|k| of(*k)).map(|k| components[k].area).sum();
+    let area = |of: &dyn Fn(usize) -> bool| -> usize {
+        (0..components.len()).filter(|k| of(*k)).map(|k| components[k].area).sum()
+    };
     let unsure_px = area(&|k| large[k] && !kept[k]);
-    if !kept.contains(&true) {
+    if !kept.contains(&true) && by_others.is_none() {
         return Added { unsure_px, ..Added::default() };
     }
-    let held_px = if by_others.is_some() { area(&|k| kept[k]) } else { 0 };
     let parts = faint.select(&runs, |k| kept[k]);
     let mut both = parts.clone();
     both.add(grain);
@@ -161,12 +168,40 @@ pub(super) fn add(
         }
     }
     let before = std::mem::replace(grain, closed.largest());
+    if let Some(held) = &by_others {
+        grain.add(&bays(grain, held, open, least));
+    }
     let added = grain.bits.iter().zip(&before.bits).map(|(after, before)| after & (1 - before));
     let parts = Mask { bits: added.collect(), ..before };
+    let held_px = if by_others.is_some() { parts.area() } else { 0 };
     let bits = parts.bits.iter().zip(smooth).map(|(part, v)| part & u8::from(*v < 0)).collect();
     let other_side = Mask { bits, ..parts };
     let some = |mask: Mask| mask.bits.contains(&1).then_some(mask);
     Added { parts: some(parts), other_side: some(other_side), unsure_px, held_px }
+}
+
+/// Bays of the grain that the other views hold.
+fn bays(grain: &Mask, held: &Mask, open: &Open<impl Fn(usize, usize) -> bool>, least: usize) -> Mask {
+    let (w, h) = (grain.width, grain.height);
+    let mut clear = held.clone();
+    clear.bits.iter_mut().zip(&grain.bits).for_each(|(bit, grain)| *bit &= 1 - grain);
+    open.keep(&mut clear);
+    let clear = clear.eroded(HALF_BAY).dilated(HALF_BAY);
+    let (runs, components) = clear.components(Connect::Sides);
+    let mut found = Mask::empty(w, h);
+    for k in (0..components.len()).filter(|k| components[*k].area >= least) {
+        let bay = clear.select(&runs, |other| other == k);
+        let around = bay.dilated(AROUND_BAY);
+        let (mut all, mut closed) = (0_usize, 0_usize);
+        for i in (0..w * h).filter(|i| around.bits[*i] != 0 && bay.bits[*i] == 0) {
+            all += 1;
+            closed += usize::from(grain.bits[i] != 0 || !open.holds(i % w, i / w));
+        }
+        if closed as f64 >= ENCLOSED * all as f64 {
+            found.add(&bay);
+        }
+    }
+    found
 }
 
 /// Median size of the values in a mask; `None` where it is empty.
