@@ -19,27 +19,25 @@ impl Spread {
     /// The value below which this share of the distribution lies. s must not be small against what a step in x changes
     /// of ln(1 + E).
     pub(super) fn quantile(&self, share: f64) -> f64 {
+        // ln(1 + E) and its weight, over what E may be.
+        let excesses: Vec<[f64; 2]> = (0..=STEPS)
+            .map(|k| {
+                let x = REACH * (2.0 * k as f64 / STEPS as f64 - 1.0);
+                [(self.log_excess + x * self.log_sd).exp().ln_1p(), (-0.5 * x * x).exp()]
+            })
+            .collect();
+        let weights = excesses.iter().map(|[_, weight]| weight).sum::<f64>();
+        let below = |value: f64| {
+            let parts = excesses.iter().map(|[excess, weight]| weight * normal((value + excess) / self.sd));
+            parts.sum::<f64>() / weights
+        };
         // ln V is between these but for a part in a million.
-        let excess = |x: f64| (self.log_excess + x * self.log_sd).exp().ln_1p();
-        let (mut low, mut high) = (-excess(REACH) - REACH * self.sd, REACH * self.sd);
+        let (mut low, mut high) = (-excesses[STEPS][0] - REACH * self.sd, REACH * self.sd);
         for _ in 0..60 {
             let middle = 0.5 * (low + high);
-            if self.below(middle) < share { low = middle } else { high = middle }
+            if below(middle) < share { low = middle } else { high = middle }
         }
         0.5 * (low + high)
-    }
-
-    /// The share of the distribution below a value.
-    fn below(&self, value: f64) -> f64 {
-        let (mut sum, mut weights) = (0.0, 0.0);
-        for k in 0..=STEPS {
-            let x = REACH * (2.0 * k as f64 / STEPS as f64 - 1.0);
-            let weight = (-0.5 * x * x).exp();
-            let excess = (self.log_excess + x * self.log_sd).exp().ln_1p();
-            sum += weight * normal((value + excess) / self.sd);
-            weights += weight;
-        }
-        sum / weights
     }
 }
 

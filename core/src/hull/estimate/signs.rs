@@ -29,6 +29,10 @@ pub struct Signs {
     pub axial_variation: f64,
     /// The share of the outlines' breadths that is gap: light between parts of the grain at the same height.
     pub gaps: f64,
+    /// Slenderness: the height of what is seen over its breadth, the mean over heights and directions. Of a body that
+    /// lies flat more of the surface faces up or down, and hollows there no level view sees.
+    #[serde(rename = "slender")]
+    pub slenderness: f64,
     /// Different directions of view.
     pub views: f64,
 }
@@ -67,6 +71,7 @@ impl Signs {
             curvature_variation: curvature_variation / area,
             axial_variation: axial_variation / area,
             gaps,
+            slenderness: height_mm / (2.0 * reaches),
             views,
         })
     }
