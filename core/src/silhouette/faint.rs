@@ -102,7 +102,7 @@ pub(super) fn add(
     let faint = faint.eroded(HALF_WIDTH).dilated(HALF_WIDTH);
     let (runs, components) = faint.components(Connect::Sides);
     let least = LEAST_AREA.0.max((LEAST_AREA.1 * grain.area() as f64) as usize);
-    if components.iter().all(|c| c.area < least) {
+    if by_others.is_none() && components.iter().all(|c| c.area < least) {
         return Added::default();
     }
     let at_grain = grain.dilated(EDGE + HALF_WIDTH + 1);
@@ -290,6 +290,41 @@ mod tests {
             assert_eq!(other.other_side.is_some(), faint < 0);
             assert!(!grain.get(118, 50), "{faint} {is_gradual}");
             assert_eq!(grain.get(92, 50), added, "{faint} {is_gradual}");
+        }
+    }
+
+    #[test]
+    fn a_part_before_something_else_is_unsure_until_the_other_views_hold_it() {
+        let (mut grain, mut smooth) = scene(100, false);
+        let seen = grain.clone();
+        // Something too dim to be a part, and no background either.
+        for k in (28..60).flat_map(|y| (110..122).map(move |x| y * 160 + x)) {
+            smooth[k] = 30;
+        }
+        let before = grain.clone();
+        let alone = add(&mut grain, &seen, &smooth, 480, &anywhere(), NOBODY);
+        assert!(alone.unsure_px > 300 && alone.held_px == 0, "{alone:?}");
+        assert_eq!(grain, before);
+        let held = |x: usize, y: usize| (50..110).contains(&x) && (30..70).contains(&y);
+        let together = add(&mut grain, &seen, &smooth, 480, &anywhere(), Some(held));
+        assert!(together.held_px > 300 && together.unsure_px == 0, "{together:?}");
+        assert!(grain.get(107, 50) && !grain.get(114, 50));
+    }
+
+    #[test]
+    fn a_bay_that_the_other_views_hold_is_shade_and_a_hollow_that_is_open_is_not() {
+        for (bay, is_shade) in [((78..90, 44..56), true), ((80..90, 32..68), false)] {
+            let (mut grain, mut smooth) = scene(0, false);
+            let (columns, rows): (std::ops::Range<usize>, std::ops::Range<usize>) = bay;
+            for k in rows.flat_map(|y| columns.clone().map(move |x| y * 160 + x)) {
+                (grain.bits[k], smooth[k]) = (0, 0);
+            }
+            let seen = grain.clone();
+            let held = |x: usize, y: usize| (50..90).contains(&x) && (30..70).contains(&y);
+            assert_eq!(add(&mut grain.clone(), &seen, &smooth, 480, &anywhere(), NOBODY), Added::default());
+            let added = add(&mut grain, &seen, &smooth, 480, &anywhere(), Some(held));
+            assert_eq!(grain.get(84, 50), is_shade);
+            assert_eq!(added.held_px > 80, is_shade, "{added:?}");
         }
     }
 
