@@ -1,14 +1,15 @@
-//! Views that left out a part of which it is unsure whether it is the grain are cut again with what the other views hold.
+//! Views that may have left out a part of the grain are cut again with what the other views hold.
 //!
 //! A lit or clear grain can be as bright as the background along a part of its edge, and then a view by itself cannot tell it from a
-//! reflection beside the grain. The hull of the others can: what lies within it and differs from the background is the grain.
+//! reflection beside the grain. The hull of the others can: what lies within it and differs from the background is the grain. A view may have left
+//! out a part where it says so itself, or where its area is less than those of the views beside it.
 
 use super::agree::Decision;
 use super::cameras::cameras_of;
 use super::{Pipeline, PipelineError, SegmentedView};
 use crate::session::event::Role;
 use grainrig_core::hull::{Cone, find_bounds, held_by_others};
-use grainrig_core::silhouette::{Known, PedestalConsensus};
+use grainrig_core::silhouette::{HeldByOthers, Known, PedestalConsensus, Silhouette};
 use rayon::prelude::*;
 use std::sync::Arc;
 use tracing::debug;
@@ -18,6 +19,12 @@ const ROUNDS: usize = 2;
 /// So many of the other views may have lost the part, too: shade falls alike on views that are beside one another. What is held too much the
 /// others carve away.
 const BUT: usize = 3;
+/// An area that is less than the mean of those so many views to either side by this share has lost something; a body's own area, which
+/// changes smoothly as it turns, bends by less.
+const BESIDE: [usize; 2] = [1, 2];
+const DIP: f64 = 0.006;
+/// A cut that is outside of what the others hold by this share of its area has found something else.
+const ELSEWHERE: f64 = 0.01;
 
 impl Pipeline {
     /// Cuts the unsure views again. They are moved by `rim_px` as the others were.
@@ -27,8 +34,8 @@ impl Pipeline {
         (decision, consensus, rim_px): (&Decision, Option<&PedestalConsensus>, f64),
     ) -> Result<(), PipelineError> {
         for round in 0..ROUNDS {
-            let unsure = |view: &SegmentedView| view.found.unsure_px > 0;
-            if !segmented.iter().any(unsure) {
+            let unsure = unsure(segmented);
+            if !unsure.contains(&true) {
                 break;
             }
             let cameras = (&self.cameras, self.full_step_deg);
@@ -43,7 +50,7 @@ impl Pipeline {
             let Ok(bounds) = find_bounds(&carving) else { break };
             let bounds = bounds.grown(0.05 * bounds.size().max());
             let grown: Vec<bool> = (segmented.par_iter_mut().enumerate())
-                .filter(|(_, view)| unsure(view))
+                .filter(|(k, _)| unsure[*k])
                 .map(|(k, view)| {
                     let others: Vec<&Cone> = (cones.iter().zip(&of_grain).enumerate())
                         .filter(|(other, (_, is))| *other != k && **is)
@@ -55,7 +62,8 @@ impl Pipeline {
                     let mut one = self.segment_with(view.index, &view.bytes, &settings, &known)?;
                     one.take_decision(decision);
                     let found = one.found_mut();
-                    if found.report.held_px == 0.0 {
+                    let elsewhere = outside(&found.silhouette, &held) as f64;
+                    if found.report.held_px == 0.0 || elsewhere > ELSEWHERE * found.report.area_px {
                         return Ok(false);
                     }
                     if let Some(consensus) = consensus {
@@ -79,4 +87,28 @@ impl Pipeline {
         }
         Ok(())
     }
+}
+
+/// Which views may have left out a part of the grain.
+fn unsure(segmented: &[SegmentedView]) -> Vec<bool> {
+    let area = |view: &SegmentedView| (view.role == Role::Grain).then_some(view.found.report.area_px);
+    (segmented.iter().enumerate())
+        .map(|(k, view)| {
+            let dips = BESIDE.iter().any(|&by| {
+                let before = k.checked_sub(by).and_then(|n| area(&segmented[n]));
+                let after = segmented.get(k + by).and_then(area);
+                let beside = before.zip(after).zip(area(view));
+                beside.is_some_and(|((before, after), own)| 0.5 * (before + after) - own > DIP * own)
+            });
+            view.found.unsure_px > 0 || dips
+        })
+        .collect()
+}
+
+/// Pixels of a silhouette that others do not hold.
+fn outside(silhouette: &Silhouette, held: &HeldByOthers) -> usize {
+    let [x0, y0] = silhouette.origin;
+    let width = silhouette.size[0];
+    let inside = silhouette.distance_px.iter().enumerate().filter(|(_, d)| **d < 0.0);
+    inside.filter(|(k, _)| !held.holds(x0 + k % width, y0 + k / width)).count()
 }

@@ -30,10 +30,16 @@ const SHOWS: f64 = 0.75;
 const SHOWS_BEYOND_HELD: f64 = 0.5;
 /// A bay as dark as the background that the other views hold is the grain's shade when this share of what is around it, within so many
 /// pixels, is the grain or the pedestal; a hollow that one view looks through is open, and a strip beside the outline is open all along. Half
-/// the width of the narrowest bay, pixels.
+/// the width of the narrowest bay, pixels and as a share of the grain's radius: the hull of fewer views has a strip all around.
 const ENCLOSED: f64 = 0.7;
 const AROUND_BAY: usize = 4;
-const HALF_BAY: usize = 3;
+const HALF_BAY: (usize, f64) = (3, 0.025);
+/// Of a bay that is not enclosed that is the grain's which differs from the background beyond it, so many pixels around, by so many of its standard
+/// deviations, and sixteenths of a grey level, where that is this share of the bay. Gaps and specks are no wider than so many pixels.
+const BEYOND_BAY: usize = 12;
+const DIFFERS: (f64, f64) = (3.0, 24.0);
+const MOSTLY: f64 = 0.4;
+const SPECK: usize = 2;
 const LITTLE: f64 = 0.5;
 
 /// Where the grain can be: all rows before `rows`, and of the others what `at` (column, row) says.
@@ -169,7 +175,7 @@ pub(super) fn add(
     }
     let before = std::mem::replace(grain, closed.largest());
     if let Some(held) = &by_others {
-        grain.add(&bays(grain, held, open, least));
+        grain.add(&bays(grain, &around, (held, smooth), open, least));
     }
     let added = grain.bits.iter().zip(&before.bits).map(|(after, before)| after & (1 - before));
     let parts = Mask { bits: added.collect(), ..before };
@@ -180,28 +186,72 @@ pub(super) fn add(
     Added { parts: some(parts), other_side: some(other_side), unsure_px, held_px }
 }
 
-/// Bays of the grain that the other views hold.
-fn bays(grain: &Mask, held: &Mask, open: &Open<impl Fn(usize, usize) -> bool>, least: usize) -> Mask {
+/// Bays of the grain that the other views hold: shade, and what differs from the background beyond.
+fn bays(
+    grain: &Mask,
+    around: &Mask,
+    (held, smooth): (&Mask, &[i16]),
+    open: &Open<impl Fn(usize, usize) -> bool>,
+    least: usize,
+) -> Mask {
     let (w, h) = (grain.width, grain.height);
+    let radius = (grain.area() as f64 / std::f64::consts::PI).sqrt();
+    let half = HALF_BAY.0.max((HALF_BAY.1 * radius).round() as usize);
     let mut clear = held.clone();
     clear.bits.iter_mut().zip(&grain.bits).for_each(|(bit, grain)| *bit &= 1 - grain);
     open.keep(&mut clear);
-    let clear = clear.eroded(HALF_BAY).dilated(HALF_BAY);
+    let clear = clear.eroded(half).dilated(half);
     let (runs, components) = clear.components(Connect::Sides);
     let mut found = Mask::empty(w, h);
     for k in (0..components.len()).filter(|k| components[*k].area >= least) {
         let bay = clear.select(&runs, |other| other == k);
-        let around = bay.dilated(AROUND_BAY);
+        let near = bay.dilated(AROUND_BAY);
         let (mut all, mut closed) = (0_usize, 0_usize);
-        for i in (0..w * h).filter(|i| around.bits[*i] != 0 && bay.bits[*i] == 0) {
+        for i in (0..w * h).filter(|i| near.bits[*i] != 0 && bay.bits[*i] == 0) {
             all += 1;
             closed += usize::from(grain.bits[i] != 0 || !open.holds(i % w, i / w));
         }
         if closed as f64 >= ENCLOSED * all as f64 {
             found.add(&bay);
+        } else if let Some(part) = differing(&bay, (held, around), smooth, open) {
+            found.add(&part);
         }
     }
     found
+}
+
+/// What of a bay differs from the background beyond it; `None` where that is little, or no background is there.
+fn differing(
+    bay: &Mask,
+    (held, around): (&Mask, &Mask),
+    smooth: &[i16],
+    open: &Open<impl Fn(usize, usize) -> bool>,
+) -> Option<Mask> {
+    let (w, near) = (bay.width, bay.dilated(BEYOND_BAY));
+    let beyond: Vec<f64> = (0..smooth.len())
+        .filter(|&k| near.bits[k] != 0 && held.bits[k] == 0 && around.bits[k] == 0 && open.holds(k % w, k / w))
+        .map(|k| f64::from(smooth[k]))
+        .collect();
+    let n = beyond.len() as f64;
+    if beyond.len() < LEAST_AREA.0 {
+        return None;
+    }
+    let mean = beyond.iter().sum::<f64>() / n;
+    let deviation = (beyond.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt();
+    let limit = (DIFFERS.0 * deviation).max(DIFFERS.1);
+    let mut part = bay.clone();
+    let (mut all, mut differ) = (0_usize, 0_usize);
+    for (k, bit) in part.bits.iter_mut().enumerate().filter(|(_, bit)| **bit != 0) {
+        // What the grain's own blurred edge differs by says nothing, and parts nothing.
+        let is_other = (f64::from(smooth[k]) - mean).abs() > limit;
+        let is_edge = around.bits[k] != 0;
+        all += usize::from(!is_edge);
+        differ += usize::from(!is_edge && is_other);
+        *bit = u8::from(is_edge || is_other);
+    }
+    let mut part = part.closed(SPECK).eroded(SPECK).dilated(SPECK);
+    part.bits.iter_mut().zip(&bay.bits).for_each(|(bit, bay)| *bit &= bay);
+    (all >= LEAST_AREA.0 && differ as f64 >= MOSTLY * all as f64).then_some(part)
 }
 
 /// Median size of the values in a mask; `None` where it is empty.
