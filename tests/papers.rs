@@ -394,7 +394,9 @@ fn what_prints_a_figure_exists() {
             for (option, folder) in [("--test", "tests"), ("--bench", "benches")] {
                 let Some(at) = after.iter().position(|w| *w == option) else { continue };
                 held += 1;
-                let Some(text) = after.get(at + 1).and_then(|name| sources(folder, name)) else {
+                let Some(text) = after.get(at + 1).and_then(|name| {
+                    sources(folder, name).or_else(|| sources(&format!("core/{folder}"), name))
+                }) else {
                     tell(format!("there is no {option} {:?}", after.get(at + 1)));
                     continue;
                 };

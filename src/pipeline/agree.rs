@@ -118,7 +118,7 @@ pub(super) struct Decision {
 
 impl Decision {
     /// Whether a view shows thresholds and edges otherwise than the others do: out of focus, or in another light.
-    fn is_unlike(&self, found: &Segmentation) -> bool {
+    pub(super) fn is_unlike(&self, found: &Segmentation) -> bool {
         let off = (found.small.middle_level() - self.background).abs();
         found.blur_px > SOFT_PX || off > OTHER_LIGHT.1.max(OTHER_LIGHT.0 * self.background)
     }

@@ -34,7 +34,7 @@ impl Pipeline {
         (decision, consensus, rim_px): (&Decision, Option<&PedestalConsensus>, f64),
     ) -> Result<(), PipelineError> {
         for round in 0..ROUNDS {
-            let unsure = unsure(segmented);
+            let unsure = unsure(segmented, decision);
             if !unsure.contains(&true) {
                 break;
             }
@@ -89,8 +89,8 @@ impl Pipeline {
     }
 }
 
-/// Which views may have left out a part of the grain.
-fn unsure(segmented: &[SegmentedView]) -> Vec<bool> {
+/// Which views may have left out a part of the grain. What one out of focus or in another light shows of its edge is no part.
+fn unsure(segmented: &[SegmentedView], decision: &Decision) -> Vec<bool> {
     let area = |view: &SegmentedView| (view.role == Role::Grain).then_some(view.found.report.area_px);
     (segmented.iter().enumerate())
         .map(|(k, view)| {
@@ -100,7 +100,7 @@ fn unsure(segmented: &[SegmentedView]) -> Vec<bool> {
                 let beside = before.zip(after).zip(area(view));
                 beside.is_some_and(|((before, after), own)| 0.5 * (before + after) - own > DIP * own)
             });
-            view.found.unsure_px > 0 || dips
+            (view.found.unsure_px > 0 || dips) && !decision.is_unlike(&view.found)
         })
         .collect()
 }

@@ -11,7 +11,7 @@
 //! by X-ray tomography, a folder a powder. With them go their convex hulls, and grains cut by planes, ellipsoids and
 //! rough boxes made here. Half of all are pressed flat. Each is laid in three poses and seen from all around, without a
 //! pedestal, its outlines by the share of each pixel that it covers; the hull is that of `hull::slices`. A row a hull
-//! goes into `core/src/hull/estimate/hulls.csv`. Then the estimate as it is built here is tried on shapes that are not
+//! goes into `core/src/hull/estimate/fit/hulls.csv`. Then the estimate as it is built here is tried on shapes that are not
 //! in the data, where `shared/data/grains` is beside the repository; without a folder, only that.
 
 use grainrig_core::contact::rest;
@@ -82,7 +82,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let folder = std::env::args().skip(1).find(|a| !a.starts_with("--"));
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     if let Some(folder) = folder {
-        make(Path::new(&folder), &here.join("src/hull/estimate/hulls.csv"))?;
+        make(Path::new(&folder), &here.join("src/hull/estimate/fit/hulls.csv"))?;
     }
     let shapes = here.join("../../shared/data/grains");
     if shapes.exists() {

@@ -21,8 +21,10 @@ const CLEAR_OF_BLUR: f64 = 2.5;
 const RESTING: f64 = 6.0;
 /// Pixels above the pedestal's top in which nothing faint is looked for.
 const CLEAR_OF_FOOT: f64 = 2.0;
-/// So many pixels within a faint part's edge all is grain.
+/// So many pixels within a faint part's edge all is grain, where the part is wider than the skirt of a blur (half its width, pixels), or
+/// the other views hold it.
 const WITHIN: usize = 2;
+const HALF_SKIRT: usize = 6;
 /// Of the rows below a pedestal's top so many times those above it are looked at further: all of the pedestal is cut off.
 const BELOW: f64 = 1.0;
 /// Bins of the histogram that is kept for a person's eye.
@@ -176,7 +178,7 @@ pub(super) fn look(
         let by_others = known.held.map(|held| move |x: usize, y: usize| held.holds(x0 + x, y0 + y));
         let added = faint::add(&mut grain, &occupied, &smooth, limit, &open, by_others);
         (unsure_px, held_px) = (added.unsure_px, added.held_px);
-        if let Some(other_side) = added.other_side {
+        if let Some(other_side) = &added.other_side {
             // There the grain is what the background is not, too.
             let near = other_side.dilated(outline::BAND);
             for (v, _) in plane.values.iter_mut().zip(&near.bits).filter(|(v, near)| **near != 0 && **v < 0) {
@@ -184,8 +186,15 @@ pub(super) fn look(
             }
         }
         if let Some(parts) = added.parts {
+            let mut wide = match known.held {
+                Some(_) => parts,
+                None => parts.eroded(HALF_SKIRT).dilated(HALF_SKIRT),
+            };
+            if let Some(other_side) = added.other_side {
+                wide.add(&other_side);
+            }
             let mut within = grain.eroded(WITHIN);
-            let near = parts.dilated(outline::BAND);
+            let near = wide.dilated(outline::BAND);
             within.bits.iter_mut().zip(&near.bits).for_each(|(bit, near)| *bit &= near);
             held = Some(within);
         }

@@ -20,7 +20,7 @@
 //! cement by X-ray tomography (published spherical harmonics, data set `particle_shape_set` of the programs THAMES
 //! and VCCTL, Bullard and others, NIST), some smoothed; convex hulls of them; grains cut by planes, ellipsoids and
 //! rough boxes. Half are pressed flat, and they lie any way, flat, upright, at rest or tipped. The hulls' figures are
-//! in `hulls.csv`, which `benches/volume_fit` makes; `fit.rs` fits to them, and tests that the constants below are
+//! in `fit/hulls.csv`, which `benches/volume_fit` makes; `fit/tests.rs` fits to them, and tests that the constants below are
 //! what they give.
 //!
 //! Each powder predicted from all else: the standard deviation of ln E is 0.25 (1.08 over all hulls of 25 views
@@ -291,6 +291,7 @@ fn terms(signs: &Signs) -> [f64; 8] {
 }
 
 #[cfg(test)]
+#[path = "fit/tests.rs"]
 mod fit;
 #[cfg(test)]
 mod tests;
