@@ -21,10 +21,10 @@ const CLEAR_OF_BLUR: f64 = 2.5;
 const RESTING: f64 = 6.0;
 /// Pixels above the pedestal's top in which nothing faint is looked for.
 const CLEAR_OF_FOOT: f64 = 2.0;
-/// So many pixels within a faint part's edge all is grain, where the part is wider than the skirt of a blur (half its width, pixels), or
-/// the other views hold it.
+/// So many pixels within a faint part's edge all is grain, where the part is wider than the skirt of a blur (half its width at least, and a
+/// part of it in standard deviations of the pedestal's blur and pixels), or the other views hold it.
 const WITHIN: usize = 2;
-const HALF_SKIRT: usize = 6;
+const HALF_SKIRT: (usize, f64, usize) = (6, 1.5, 3);
 /// Of the rows below a pedestal's top so many times those above it are looked at further: all of the pedestal is cut off.
 const BELOW: f64 = 1.0;
 /// Bins of the histogram that is kept for a person's eye.
@@ -186,9 +186,12 @@ pub(super) fn look(
             }
         }
         if let Some(parts) = added.parts {
+            let (least, sigmas, more) = HALF_SKIRT;
+            let of_blur = pedestal.map_or(0, |p| (sigmas * p.blur).ceil() as usize + more);
+            let skirt = least.max(of_blur);
             let mut wide = match known.held {
                 Some(_) => parts,
-                None => parts.eroded(HALF_SKIRT).dilated(HALF_SKIRT),
+                None => parts.eroded(skirt).dilated(skirt),
             };
             if let Some(other_side) = added.other_side {
                 wide.add(&other_side);
