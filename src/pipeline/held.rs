@@ -40,7 +40,9 @@ impl Pipeline {
             }
             let cameras = (&self.cameras, self.full_step_deg);
             // Whoever needs cameras or a hull says why there are none.
-            let Ok(measured) = cameras_of(cameras.0, cameras.1, segmented, consensus, &mut Vec::new()) else { break };
+            let Ok(measured) = cameras_of(cameras.0, cameras.1, segmented, consensus, &mut Vec::new()) else {
+                break;
+            };
             let cones: Vec<Cone> = (segmented.iter().zip(measured.projections))
                 .map(|(view, projection)| Cone::new(projection, Arc::clone(&view.silhouette)))
                 .collect();
@@ -56,7 +58,8 @@ impl Pipeline {
                         .filter(|(other, (_, is))| *other != k && **is)
                         .map(|(_, (cone, _))| cone)
                         .collect();
-                    let held = held_by_others(&others, (cones[k].projection(), &view.silhouette), &bounds, BUT);
+                    let held =
+                        held_by_others(&others, (cones[k].projection(), &view.silhouette), &bounds, BUT);
                     let (settings, known) = decision.for_view(&view.found);
                     let known = Known { held: Some(&held), ..known };
                     let mut one = self.segment_with(view.index, &view.bytes, &settings, &known)?;
@@ -80,7 +83,11 @@ impl Pipeline {
                     Ok::<bool, PipelineError>(is_more)
                 })
                 .collect::<Result<_, _>>()?;
-            debug!(round, views = grown.iter().filter(|is| **is).count(), "cut again with what the others hold");
+            debug!(
+                round,
+                views = grown.iter().filter(|is| **is).count(),
+                "cut again with what the others hold"
+            );
             if !grown.contains(&true) {
                 break;
             }

@@ -190,11 +190,7 @@ impl Pipeline {
     }
 
     /// Cuts out all views, in the order in which they come.
-    fn take(
-        &self,
-        views: Receiver<View>,
-        observer: &Observer,
-    ) -> Result<Vec<SegmentedView>, PipelineError> {
+    fn take(&self, views: Receiver<View>, observer: &Observer) -> Result<Vec<SegmentedView>, PipelineError> {
         let workers = std::thread::available_parallelism().map_or(1, std::num::NonZero::get).min(4);
         let views = Mutex::new((0, views));
         std::thread::scope(|scope| {

@@ -113,7 +113,8 @@ mod tests {
             [(&[7][..], 0, true), (&[7, 8], 0, false), (&[7, 8], 1, true), (&[7, 8, 9], 1, false)]
         {
             let all = cones(bitten);
-            let others: Vec<&Cone> = all.iter().enumerate().filter(|(k, _)| *k != 7).map(|(_, c)| c).collect();
+            let others: Vec<&Cone> =
+                all.iter().enumerate().filter(|(k, _)| *k != 7).map(|(_, c)| c).collect();
             let held = held_by_others(&others, (all[7].projection(), all[7].silhouette()), &bounds, but);
             // Half-way between the lost side's edge and the ball's outline; inside; beyond the outline.
             assert_eq!(held.holds(60 + 36, 60), is_found, "{bitten:?} {but}");

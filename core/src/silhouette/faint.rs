@@ -229,7 +229,9 @@ fn differing(
 ) -> Option<Mask> {
     let (w, near) = (bay.width, bay.dilated(BEYOND_BAY));
     let beyond: Vec<f64> = (0..smooth.len())
-        .filter(|&k| near.bits[k] != 0 && held.bits[k] == 0 && around.bits[k] == 0 && open.holds(k % w, k / w))
+        .filter(|&k| {
+            near.bits[k] != 0 && held.bits[k] == 0 && around.bits[k] == 0 && open.holds(k % w, k / w)
+        })
         .map(|k| f64::from(smooth[k]))
         .collect();
     let n = beyond.len() as f64;

@@ -8,8 +8,8 @@ use super::report::{PedestalOutline, Report};
 use super::search::{Scene, search};
 use super::symmetry::{self, EdgePoint, LEAST_EDGES, Surroundings};
 use super::{
-    EdgeSymmetry, EdgeTail, HeldByOthers, Histogram, LocalRim, Settings, Silhouette, SilhouetteError, SmallCopy, Source,
-    ToneCurve, ToneSource, Uncut,
+    EdgeSymmetry, EdgeTail, HeldByOthers, Histogram, LocalRim, Settings, Silhouette, SilhouetteError,
+    SmallCopy, Source, ToneCurve, ToneSource, Uncut,
 };
 use super::{frame, lit};
 

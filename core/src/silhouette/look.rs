@@ -169,7 +169,8 @@ pub(super) fn look(
     let (mut unsure_px, mut held_px) = (0, 0);
     if !scene.channel.is_difference() {
         let open = faint::Open {
-            rows: pedestal.map_or(plane.height, |p| p.clear_above(plane.width, CLEAR_OF_FOOT).max(0.0) as usize),
+            rows: pedestal
+                .map_or(plane.height, |p| p.clear_above(plane.width, CLEAR_OF_FOOT).max(0.0) as usize),
             at: |x: usize, y: usize| {
                 pedestal.is_none_or(|p| p.below_top(x as f64, y as f64).is_none_or(|d| d < -CLEAR_OF_FOOT))
             },
