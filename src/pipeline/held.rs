@@ -6,7 +6,7 @@
 
 use super::agree::Decision;
 use super::cameras::cameras_of;
-use super::{Pipeline, PipelineError, SegmentedView};
+use super::{Cameras, Pipeline, PipelineError, SegmentedView};
 use crate::session::event::Role;
 use grainrig_core::hull::{Cone, find_bounds, held_by_others};
 use grainrig_core::silhouette::{HeldByOthers, Known, PedestalConsensus, Silhouette};
@@ -27,12 +27,16 @@ const DIP: f64 = 0.006;
 const ELSEWHERE: f64 = 0.01;
 
 impl Pipeline {
-    /// Cuts the unsure views again. They are moved by `rim_px` as the others were.
+    /// Cuts the unsure views again. They are moved by `rim_px` as the others were. Views with cameras of their own stay as they are: they need
+    /// not be beside one another, and few of them may see a part.
     pub(super) fn hold(
         &self,
         segmented: &mut [SegmentedView],
         (decision, consensus, rim_px): (&Decision, Option<&PedestalConsensus>, f64),
     ) -> Result<(), PipelineError> {
+        if !matches!(self.cameras, Cameras::Turntable(_)) {
+            return Ok(());
+        }
         for round in 0..ROUNDS {
             let unsure = unsure(segmented, decision);
             if !unsure.contains(&true) {
