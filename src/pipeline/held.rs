@@ -2,14 +2,14 @@
 //!
 //! A lit or clear grain can be as bright as the background along a part of its edge, and then a view by itself cannot tell it from a
 //! reflection beside the grain. The hull of the others can: what lies within it and differs from the background is the grain. A view may have left
-//! out a part where it says so itself, or where its area is less than those of the views beside it.
+//! out a part where it says so itself, where its area is less than those of the views beside it, or where the grain is clear or glossy.
 
 use super::agree::Decision;
 use super::cameras::cameras_of;
 use super::{Cameras, Pipeline, PipelineError, SegmentedView};
 use crate::session::event::Role;
 use grainrig_core::hull::{Cone, find_bounds, held_by_others};
-use grainrig_core::silhouette::{HeldByOthers, Known, PedestalConsensus, Silhouette};
+use grainrig_core::silhouette::{HeldByOthers, Known, PedestalConsensus, Polarity, Silhouette};
 use rayon::prelude::*;
 use std::sync::Arc;
 use tracing::debug;
@@ -19,10 +19,12 @@ const ROUNDS: usize = 2;
 /// So many of the other views may have lost the part, too: shade falls alike on views that are beside one another. What is held too much the
 /// others carve away.
 const BUT: usize = 3;
-/// An area that is less than the mean of those so many views to either side by this share has lost something; a body's own area, which
-/// changes smoothly as it turns, bends by less.
-const BESIDE: [usize; 2] = [1, 2];
-const DIP: f64 = 0.006;
+/// An area that is less than the mean of those this many views to either side by this share may have lost something: before a bright
+/// background, where a body's own area seldom bends by more, and before a dark one, where shade takes parts from many views.
+const BRIGHT: (&[usize], f64) = (&[1], 0.015);
+const DARK: (&[usize], f64) = (&[1, 2], 0.006);
+/// A cut that is greater by this share of its area takes the other's place.
+const MORE: f64 = 1e-3;
 /// A cut that is outside of what the others hold by this share of its area has found something else.
 const ELSEWHERE: f64 = 0.01;
 
@@ -38,7 +40,7 @@ impl Pipeline {
             return Ok(());
         }
         for round in 0..ROUNDS {
-            let unsure = unsure(segmented, decision);
+            let unsure = unsure(segmented, decision, rim_px > 0.0);
             if !unsure.contains(&true) {
                 break;
             }
@@ -79,7 +81,7 @@ impl Pipeline {
                     if rim_px > 0.0 {
                         found.grow(rim_px);
                     }
-                    let is_more = found.report.area_px > view.found.report.area_px;
+                    let is_more = found.report.area_px > (1.0 + MORE) * view.found.report.area_px;
                     if is_more {
                         view.replace(one);
                         view.take_outline();
@@ -100,18 +102,21 @@ impl Pipeline {
     }
 }
 
-/// Which views may have left out a part of the grain. What one out of focus or in another light shows of its edge is no part.
-fn unsure(segmented: &[SegmentedView], decision: &Decision) -> Vec<bool> {
+/// Which views may have left out a part of the grain: all of a clear or glossy one. What one out of focus or in another light shows of its
+/// edge is no part.
+fn unsure(segmented: &[SegmentedView], decision: &Decision, has_rim: bool) -> Vec<bool> {
     let area = |view: &SegmentedView| (view.role == Role::Grain).then_some(view.found.report.area_px);
     (segmented.iter().enumerate())
         .map(|(k, view)| {
-            let dips = BESIDE.iter().any(|&by| {
+            let is_dark = view.found.report.polarity == Polarity::DarkBackground;
+            let (beside, dip) = if is_dark { DARK } else { BRIGHT };
+            let dips = beside.iter().any(|&by| {
                 let before = k.checked_sub(by).and_then(|n| area(&segmented[n]));
                 let after = segmented.get(k + by).and_then(area);
                 let beside = before.zip(after).zip(area(view));
-                beside.is_some_and(|((before, after), own)| 0.5 * (before + after) - own > DIP * own)
+                beside.is_some_and(|((before, after), own)| 0.5 * (before + after) - own > dip * own)
             });
-            (view.found.unsure_px > 0 || dips) && !decision.is_unlike(&view.found)
+            (view.found.unsure_px > 0 || dips || has_rim) && !decision.is_unlike(&view.found)
         })
         .collect()
 }

@@ -6,7 +6,7 @@ use crate::silhouette::{HeldByOthers, Silhouette};
 use rayon::prelude::*;
 
 /// Cells along the longer side of the silhouette's rectangle, at most about so many.
-const CELLS: usize = 256;
+const CELLS: usize = 128;
 /// The shortest step along a line of sight, as a share of a cell.
 const LEAST_STEP: f64 = 0.5;
 
