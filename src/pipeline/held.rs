@@ -71,7 +71,9 @@ impl Pipeline {
                     let mut one = self.segment_with(view.index, &view.bytes, &settings, &known)?;
                     one.take_decision(decision);
                     let found = one.found_mut();
-                    let elsewhere = outside(&found.silhouette, &held) as f64;
+                    // Half of a cell along the outline is what the cells do not tell.
+                    let untold = 0.5 * (held.pitch - 1) as f64 * found.report.outline_length_px;
+                    let elsewhere = outside(&found.silhouette, &held) as f64 - untold;
                     if found.report.held_px == 0.0 || elsewhere > ELSEWHERE * found.report.area_px {
                         return Ok(false);
                     }
