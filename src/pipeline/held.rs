@@ -6,7 +6,7 @@
 
 use super::agree::Decision;
 use super::cameras::cameras_of;
-use super::{Cameras, Pipeline, PipelineError, SegmentedView};
+use super::{Cameras, Pipeline, SegmentedView};
 use crate::session::event::Role;
 use grainrig_core::hull::{Cone, find_bounds, held_by_others};
 use grainrig_core::silhouette::{HeldByOthers, Known, PedestalConsensus, Polarity, Silhouette};
@@ -35,9 +35,9 @@ impl Pipeline {
         &self,
         segmented: &mut [SegmentedView],
         (decision, consensus, rim_px): (&Decision, Option<&PedestalConsensus>, f64),
-    ) -> Result<(), PipelineError> {
+    ) {
         if !matches!(self.cameras, Cameras::Turntable(_)) {
-            return Ok(());
+            return;
         }
         for round in 0..ROUNDS {
             let unsure = unsure(segmented, decision, rim_px > 0.0);
@@ -68,14 +68,17 @@ impl Pipeline {
                         held_by_others(&others, (cones[k].projection(), &view.silhouette), &bounds, BUT);
                     let (settings, known) = decision.for_view(&view.found);
                     let known = Known { held: Some(&held), ..known };
-                    let mut one = self.segment_with(view.index, &view.bytes, &settings, &known)?;
+                    // The first cut is good for a result: a second one that finds nothing must not end the run.
+                    let Ok(mut one) = self.segment_with(view.index, &view.bytes, &settings, &known) else {
+                        return false;
+                    };
                     one.take_decision(decision);
                     let found = one.found_mut();
                     // Half of a cell along the outline is what the cells do not tell.
                     let untold = 0.5 * (held.pitch - 1) as f64 * found.report.outline_length_px;
                     let elsewhere = outside(&found.silhouette, &held) as f64 - untold;
                     if found.report.held_px == 0.0 || elsewhere > ELSEWHERE * found.report.area_px {
-                        return Ok(false);
+                        return false;
                     }
                     if let Some(consensus) = consensus {
                         found.recut(consensus.seen_by(found.report.pedestal));
@@ -88,9 +91,9 @@ impl Pipeline {
                         view.replace(one);
                         view.take_outline();
                     }
-                    Ok::<bool, PipelineError>(is_more)
+                    is_more
                 })
-                .collect::<Result<_, _>>()?;
+                .collect();
             debug!(
                 round,
                 views = grown.iter().filter(|is| **is).count(),
@@ -100,7 +103,6 @@ impl Pipeline {
                 break;
             }
         }
-        Ok(())
     }
 }
 

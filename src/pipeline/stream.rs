@@ -185,7 +185,7 @@ impl Pipeline {
         let decision = self.agree(&mut segmented)?;
         let (consensus, warnings) = pedestal::recut(&self.cameras, &mut segmented)?;
         let rim_px = take_rim(&mut segmented);
-        self.hold(&mut segmented, (&decision, consensus.as_ref(), rim_px))?;
+        self.hold(&mut segmented, (&decision, consensus.as_ref(), rim_px));
         Ok((segmented, consensus, warnings))
     }
 
