@@ -13,7 +13,8 @@ use tracing::debug;
 
 /// Times that the views are asked: a pedestal that is known better may change what the edges say.
 const ROUNDS: usize = 2;
-/// A view is cut again where this share of the grain's pixels lies between its threshold and that of all views.
+/// A view is cut again where as much as this share of the grain's pixels lies between its threshold and that of all views, beside what lies
+/// on blurred edges.
 const BETWEEN: f64 = 5e-4;
 /// The pedestal that single views found is believed where this share of them agrees on it, or where the still one is there too.
 const MOST: f64 = 0.6;
@@ -137,7 +138,7 @@ impl Decision {
         }
         let other_threshold = self.threshold.is_some_and(|joint| {
             let [low, high] = [joint.min(report.threshold_used), joint.max(report.threshold_used)];
-            found.histogram.count_between(low, high) as f64 > BETWEEN * report.area_px
+            found.plateaus.between_px(low, high) as f64 > BETWEEN * report.area_px
         });
         let other_pedestal = self.pedestal.is_some_and(|(known, off)| {
             report.pedestal.is_none_or(|own| !own.top_seen || !are_near(&own, &known, off + 1.0))

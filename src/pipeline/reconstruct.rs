@@ -13,7 +13,7 @@ use grainrig_core::calibrate::{Calibration, Turntable};
 use grainrig_core::geometry::Angle;
 use grainrig_core::hull::estimate::{Known, estimate};
 use grainrig_core::hull::slices::{SliceError, SlicedHull};
-use grainrig_core::hull::{Cone, HullGrid, VisualHull, carved_alone, find_bounds, silhouette_iou};
+use grainrig_core::hull::{Cone, HullGrid, VisualHull, carved_alone, find_bounds, silhouette_ious};
 use grainrig_core::mesh::{Controls, TetMesh, mesh};
 use grainrig_core::plausible::{self, Doubt};
 use grainrig_core::report::{Sheet, Shot};
@@ -205,10 +205,7 @@ pub(super) fn reconstruct(
     let triangles = grid.surface_triangles();
     drop(grid);
     let converging = convergence(&cones, volume.1);
-    let ious: Vec<f64> = {
-        use rayon::prelude::*;
-        cones.par_iter().map(|c| silhouette_iou(c, &triangles)).collect()
-    };
+    let ious = silhouette_ious(&cones, &triangles);
     let alone = carved_alone(&cones, &tight.grown(0.05 * longest), ALONE_POINTS);
     let patch =
         consensus.as_ref().zip(scale_mm_per_px).map(|(s, mm_per_px)| contact_patch(s, mm_per_px, &triangles));

@@ -35,7 +35,7 @@ pub use cone::Cone;
 pub use grid::{HullGrid, VoxelCount};
 pub use measure::Measures;
 pub use others::held_by_others;
-pub use reproject::silhouette_iou;
+pub use reproject::{silhouette_iou, silhouette_ious};
 
 use crate::geometry::{Aabb, ImplicitBody, Point};
 

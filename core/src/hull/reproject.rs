@@ -2,14 +2,26 @@
 
 use super::Cone;
 use crate::geometry::{Aabb, Point};
+use rayon::prelude::*;
 
 /// Intersection over union of a view's silhouette and the picture of a closed surface's triangles.
 ///
 /// A pixel is covered where its centre lies in a triangle's picture, whichever way that faces. 1 is perfect;
 /// inconsistent cameras or silhouettes carve away what a view has seen, so its value falls.
 pub fn silhouette_iou(cone: &Cone, triangles: &[[Point; 3]]) -> f64 {
+    within(cone, triangles, Aabb::of(triangles.iter().flatten().copied()).as_ref())
+}
+
+/// The same for each of several views.
+pub fn silhouette_ious(cones: &[Cone], triangles: &[[Point; 3]]) -> Vec<f64> {
+    let bounds = Aabb::of(triangles.iter().flatten().copied());
+    cones.par_iter().map(|cone| within(cone, triangles, bounds.as_ref())).collect()
+}
+
+/// Of triangles that lie in a box.
+fn within(cone: &Cone, triangles: &[[Point; 3]], bounds: Option<&Aabb>) -> f64 {
     let s = cone.silhouette();
-    let window = window(cone, triangles);
+    let window = window(cone, bounds);
     let [w, h] = window.size;
     let mut covered = vec![false; w * h];
     for t in triangles {
@@ -37,10 +49,10 @@ struct Window {
 
 /// The part of the picture in which the silhouette and the triangles' pictures lie: of a large picture a few per
 /// cent. The whole picture where a part of the triangles' box is behind the camera.
-fn window(cone: &Cone, triangles: &[[Point; 3]]) -> Window {
+fn window(cone: &Cone, bounds: Option<&Aabb>) -> Window {
     let s = cone.silhouette();
     let whole = Window { origin: [0, 0], size: s.picture };
-    let Some(bounds) = Aabb::of(triangles.iter().flatten().copied()) else {
+    let Some(bounds) = bounds else {
         return Window { origin: s.origin, size: s.size };
     };
     let mut corners = Vec::new();

@@ -8,8 +8,8 @@ use super::report::{PedestalOutline, Report};
 use super::search::{Scene, search};
 use super::symmetry::{self, EdgePoint, LEAST_EDGES, Surroundings};
 use super::{
-    EdgeSymmetry, EdgeTail, HeldByOthers, Histogram, LocalRim, Settings, Silhouette, SilhouetteError,
-    SmallCopy, Source, ToneCurve, ToneSource, Uncut,
+    EdgeSymmetry, EdgeTail, HeldByOthers, Histogram, LocalRim, Plateaus, Settings, Silhouette,
+    SilhouetteError, SmallCopy, Source, ToneCurve, ToneSource, Uncut,
 };
 use super::{frame, lit};
 
@@ -27,6 +27,8 @@ pub struct Segmentation {
     pub uncut: Option<Uncut>,
     /// Grey levels near the grain, away from the background towards it: what the thresholds were read off.
     pub histogram: Histogram,
+    /// How much of the picture's part that holds the grain is even, by its level.
+    pub plateaus: Plateaus,
     /// Standard deviation of the outline's blur, pixels: lens, pixel and the mean over 3×3 pixels together.
     pub blur_px: f64,
     /// What the edges say of the tone curve, where neither the file nor the settings say which it is.

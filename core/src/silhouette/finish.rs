@@ -76,6 +76,7 @@ pub(super) fn finish(
         report,
         uncut,
         histogram: seen.histogram.clone(),
+        plateaus: seen.plateaus.clone(),
         blur_px: placed.blur_px,
         symmetry: None,
         tail: None,

@@ -6,7 +6,9 @@ use super::pedestal::{self, Pedestal};
 use super::plane::Plane;
 use super::rect::Rect;
 use super::search::Scene;
-use super::{Classes, Histogram, Holes, PedestalMode, Settings, SilhouetteError, Source, ToneCurve};
+use super::{
+    Classes, Histogram, Holes, PedestalMode, Plateaus, Settings, SilhouetteError, Source, ToneCurve,
+};
 use super::{despeckle, faint, hair, highlights, holes, outline, pieces};
 
 /// A threshold this many standard deviations above the background is clear of its noise.
@@ -34,6 +36,7 @@ const HISTOGRAM_BINS: usize = 128;
 pub(super) struct Seen {
     pub plane: Plane,
     pub histogram: Histogram,
+    pub plateaus: Plateaus,
     pub noise: f64,
     pub threshold_two: f64,
     pub thresholds_three: [f64; 2],
@@ -165,12 +168,13 @@ pub(super) fn look(
         return Err(SilhouetteError::TooSmall { area_px: area as f64, limit_px: settings.min_area_px });
     }
     let contrast = mean_level(&plane, &grain) / f64::from(super::plane::PER_LEVEL);
+    let clear_rows =
+        pedestal.map_or(plane.height, |p| p.clear_above(plane.width, CLEAR_OF_FOOT).max(0.0) as usize);
     let mut held = None;
     let (mut unsure_px, mut held_px) = (0, 0);
     if !scene.channel.is_difference() {
         let open = faint::Open {
-            rows: pedestal
-                .map_or(plane.height, |p| p.clear_above(plane.width, CLEAR_OF_FOOT).max(0.0) as usize),
+            rows: clear_rows,
             at: |x: usize, y: usize| {
                 pedestal.is_none_or(|p| p.below_top(x as f64, y as f64).is_none_or(|d| d < -CLEAR_OF_FOOT))
             },
@@ -203,6 +207,7 @@ pub(super) fn look(
             held = Some(within);
         }
     }
+    let plateaus = Plateaus::of(&smooth, plane.width, clear_rows);
     let gap = holes::Background { noise, contrast };
     let open = match settings.holes {
         Holes::Auto => scene.channel.is_difference(),
@@ -224,6 +229,7 @@ pub(super) fn look(
     Ok(Seen {
         plane,
         histogram: histogram.coarser(HISTOGRAM_BINS),
+        plateaus,
         noise,
         threshold_two: two.threshold,
         thresholds_three: three.map_or([two.threshold; 2], |t| t.thresholds),

@@ -37,6 +37,7 @@ mod picture;
 mod pieces;
 mod place;
 mod plane;
+mod plateaus;
 mod quality;
 mod rect;
 mod recut;
@@ -60,6 +61,7 @@ pub use pedestal::{
     ConsensusValue, PedestalConsensus, SmallCopy, Uncut, pedestal_consensus, standing_pedestal,
 };
 pub use picture::Picture;
+pub use plateaus::Plateaus;
 pub use quality::{
     Bound, Check, Traits, Verdict, ViewQuality, ViewTraits, against, assess, between, sharpness,
 };

@@ -73,13 +73,6 @@ pub fn joint_threshold(views: &[&Histogram], clear: f64) -> Option<f64> {
     Some(all.valley(clear, otsu.max(clear))?.threshold)
 }
 
-impl Histogram {
-    /// How many values lie between two.
-    pub fn count_between(&self, low: f64, high: f64) -> u64 {
-        self.bins().filter(|(v, _)| (low..high).contains(v)).map(|(_, n)| n).sum()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
