@@ -109,20 +109,25 @@ impl Pipeline {
 /// Which views may have left out a part of the grain: all of a clear or glossy one. What one out of focus or in another light shows of its
 /// edge is no part.
 fn unsure(segmented: &[SegmentedView], decision: &Decision, has_rim: bool) -> Vec<bool> {
-    let area = |view: &SegmentedView| (view.role == Role::Grain).then_some(view.found.report.area_px);
+    let areas: Vec<Option<f64>> = (segmented.iter())
+        .map(|view| (view.role == Role::Grain).then_some(view.found.report.area_px))
+        .collect();
     (segmented.iter().enumerate())
         .map(|(k, view)| {
             let is_dark = view.found.report.polarity == Polarity::DarkBackground;
-            let (beside, dip) = if is_dark { DARK } else { BRIGHT };
-            let dips = beside.iter().any(|&by| {
-                let before = k.checked_sub(by).and_then(|n| area(&segmented[n]));
-                let after = segmented.get(k + by).and_then(area);
-                let beside = before.zip(after).zip(area(view));
-                beside.is_some_and(|((before, after), own)| 0.5 * (before + after) - own > dip * own)
-            });
+            let dips = dips(&areas, k, if is_dark { DARK } else { BRIGHT });
             (view.found.unsure_px > 0 || dips || has_rim) && !decision.is_unlike(&view.found)
         })
         .collect()
+}
+
+/// Whether an area is less than the mean of those beside it by more than a share.
+fn dips(areas: &[Option<f64>], k: usize, (beside, share): (&[usize], f64)) -> bool {
+    let at = |k: usize| areas.get(k).copied().flatten();
+    beside.iter().any(|&by| {
+        let beside = k.checked_sub(by).and_then(at).zip(at(k + by)).zip(at(k));
+        beside.is_some_and(|((before, after), own)| 0.5 * (before + after) - own > share * own)
+    })
 }
 
 /// Pixels of a silhouette that others do not hold.
@@ -131,4 +136,49 @@ fn outside(silhouette: &Silhouette, held: &HeldByOthers) -> usize {
     let width = silhouette.size[0];
     let inside = silhouette.distance_px.iter().enumerate().filter(|(_, d)| **d < 0.0);
     inside.filter(|(k, _)| !held.holds(x0 + k % width, y0 + k / width)).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_area_dips_below_those_beside_it_and_the_first_and_last_cannot() {
+        let body: Vec<Option<f64>> =
+            (0..25).map(|k| Some(1000.0 + 20.0 * (0.25 * f64::from(k)).sin())).collect();
+        let dipping =
+            |areas: &[Option<f64>], which| (0..areas.len()).filter(|k| dips(areas, *k, which)).collect();
+        let none: Vec<usize> = Vec::new();
+        assert_eq!([BRIGHT, DARK].map(|which| dipping(&body, which)), [none.clone(), vec![]]);
+        let mut bitten = body.clone();
+        bitten[12] = bitten[12].map(|area| 0.98 * area);
+        assert_eq!(dipping(&bitten, BRIGHT), [12]);
+        // Two that are beside one another hide each other from the nearest, but not from those two away.
+        bitten[13] = bitten[13].map(|area| 0.98 * area);
+        assert!(!dipping(&bitten, BRIGHT).contains(&12));
+        assert!([12, 13].iter().all(|k| dipping(&bitten, DARK).contains(k)));
+        // What is no view of the grain says nothing of those beside it.
+        bitten[11] = None;
+        assert!(!dips(&bitten, 12, BRIGHT) && !dips(&bitten, 11, BRIGHT));
+        for end in [0, 24] {
+            let mut bitten = body.clone();
+            bitten[end] = Some(100.0);
+            assert!(!dips(&bitten, end, BRIGHT) && !dips(&bitten, end, DARK));
+        }
+    }
+
+    #[test]
+    fn what_others_do_not_hold_of_a_silhouette_is_counted() {
+        let coverage: Vec<f32> = (0..40 * 40)
+            .map(|k| f32::from(u8::from((10..30).contains(&(k % 40)) && (10..30).contains(&(k / 40)))))
+            .collect();
+        let silhouette = Silhouette::of_coverage([40, 40], &coverage).unwrap();
+        let held = |columns: usize| HeldByOthers {
+            origin: [0, 0],
+            pitch: 1,
+            size: [40, 40],
+            cells: (0..40 * 40).map(|k| k % 40 < columns).collect(),
+        };
+        assert_eq!([40, 25, 0].map(|columns| outside(&silhouette, &held(columns))), [0, 5 * 20, 20 * 20]);
+    }
 }

@@ -6,6 +6,7 @@
 //! touches the grain, has a sharp edge of its own, and the background shows beyond; a halo, a blurred skirt or a shadow on
 //! the background has none.
 
+use super::bays::bays;
 use super::holes;
 use super::mask::{Connect, Mask, Run};
 
@@ -28,18 +29,6 @@ const BESIDE: [usize; 2] = [2, 5];
 /// views hold, beyond which only what they do not hold is looked at.
 const SHOWS: f64 = 0.75;
 const SHOWS_BEYOND_HELD: f64 = 0.5;
-/// A bay as dark as the background that the other views hold is the grain's shade when this share of what is around it, within so many
-/// pixels, is the grain or the pedestal; a hollow that one view looks through is open, and a strip beside the outline is open all along. Half
-/// the width of the narrowest bay, pixels and as a share of the grain's radius: the hull of fewer views has a strip all around.
-const ENCLOSED: f64 = 0.65;
-const AROUND_BAY: usize = 4;
-const HALF_BAY: (usize, f64) = (3, 0.025);
-/// Of a bay that is not enclosed that is the grain's which differs from the background beyond it, so many pixels around, by so many of its standard
-/// deviations, and sixteenths of a grey level, where that is this share of the bay. Gaps and specks are no wider than so many pixels.
-const BEYOND_BAY: usize = 12;
-const DIFFERS: (f64, f64) = (3.0, 24.0);
-const MOSTLY: f64 = 0.4;
-const SPECK: usize = 2;
 const LITTLE: f64 = 0.5;
 
 /// Where the grain can be: all rows before `rows`, and of the others what `at` (column, row) says.
@@ -49,12 +38,12 @@ pub(super) struct Open<F> {
 }
 
 impl<F: Fn(usize, usize) -> bool> Open<F> {
-    fn holds(&self, x: usize, y: usize) -> bool {
+    pub(super) fn holds(&self, x: usize, y: usize) -> bool {
         y < self.rows || (self.at)(x, y)
     }
 
     /// Takes out of a mask what is not open.
-    fn keep(&self, mask: &mut Mask) {
+    pub(super) fn keep(&self, mask: &mut Mask) {
         for (y, row) in mask.bits.chunks_exact_mut(mask.width).enumerate().skip(self.rows) {
             row.iter_mut().enumerate().for_each(|(x, bit)| *bit &= u8::from((self.at)(x, y)));
         }
@@ -184,76 +173,6 @@ pub(super) fn add(
     let other_side = Mask { bits, ..parts };
     let some = |mask: Mask| mask.bits.contains(&1).then_some(mask);
     Added { parts: some(parts), other_side: some(other_side), unsure_px, held_px }
-}
-
-/// Bays of the grain that the other views hold: shade, and what differs from the background beyond.
-fn bays(
-    grain: &Mask,
-    around: &Mask,
-    (held, smooth): (&Mask, &[i16]),
-    open: &Open<impl Fn(usize, usize) -> bool>,
-    least: usize,
-) -> Mask {
-    let (w, h) = (grain.width, grain.height);
-    let radius = (grain.area() as f64 / std::f64::consts::PI).sqrt();
-    let half = HALF_BAY.0.max((HALF_BAY.1 * radius).round() as usize);
-    let mut clear = held.clone();
-    clear.bits.iter_mut().zip(&grain.bits).for_each(|(bit, grain)| *bit &= 1 - grain);
-    open.keep(&mut clear);
-    let clear = clear.eroded(half).dilated(half);
-    let (runs, components) = clear.components(Connect::Sides);
-    let mut found = Mask::empty(w, h);
-    for k in (0..components.len()).filter(|k| components[*k].area >= least) {
-        let bay = clear.select(&runs, |other| other == k);
-        let near = bay.dilated(AROUND_BAY);
-        let (mut all, mut closed) = (0_usize, 0_usize);
-        for i in (0..w * h).filter(|i| near.bits[*i] != 0 && bay.bits[*i] == 0) {
-            all += 1;
-            closed += usize::from(grain.bits[i] != 0 || !open.holds(i % w, i / w));
-        }
-        if closed as f64 >= ENCLOSED * all as f64 {
-            found.add(&bay);
-        } else if let Some(part) = differing(&bay, (held, around), smooth, open) {
-            found.add(&part);
-        }
-    }
-    found
-}
-
-/// What of a bay differs from the background beyond it; `None` where that is little, or no background is there.
-fn differing(
-    bay: &Mask,
-    (held, around): (&Mask, &Mask),
-    smooth: &[i16],
-    open: &Open<impl Fn(usize, usize) -> bool>,
-) -> Option<Mask> {
-    let (w, near) = (bay.width, bay.dilated(BEYOND_BAY));
-    let beyond: Vec<f64> = (0..smooth.len())
-        .filter(|&k| {
-            near.bits[k] != 0 && held.bits[k] == 0 && around.bits[k] == 0 && open.holds(k % w, k / w)
-        })
-        .map(|k| f64::from(smooth[k]))
-        .collect();
-    let n = beyond.len() as f64;
-    if beyond.len() < LEAST_AREA.0 {
-        return None;
-    }
-    let mean = beyond.iter().sum::<f64>() / n;
-    let deviation = (beyond.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt();
-    let limit = (DIFFERS.0 * deviation).max(DIFFERS.1);
-    let mut part = bay.clone();
-    let (mut all, mut differ) = (0_usize, 0_usize);
-    for (k, bit) in part.bits.iter_mut().enumerate().filter(|(_, bit)| **bit != 0) {
-        // What the grain's own blurred edge differs by says nothing, and parts nothing.
-        let is_other = (f64::from(smooth[k]) - mean).abs() > limit;
-        let is_edge = around.bits[k] != 0;
-        all += usize::from(!is_edge);
-        differ += usize::from(!is_edge && is_other);
-        *bit = u8::from(is_edge || is_other);
-    }
-    let mut part = part.closed(SPECK).eroded(SPECK).dilated(SPECK);
-    part.bits.iter_mut().zip(&bay.bits).for_each(|(bit, bay)| *bit &= bay);
-    (all >= LEAST_AREA.0 && differ as f64 >= MOSTLY * all as f64).then_some(part)
 }
 
 /// Median size of the values in a mask; `None` where it is empty.

@@ -10,6 +10,7 @@
 //! between pixels, where the light is half-way between the grain and the background beside it.
 
 mod backdrop;
+mod bays;
 mod channel;
 mod despeckle;
 mod distance;
