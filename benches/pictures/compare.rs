@@ -109,6 +109,7 @@ fn pedestal(stated: &Value) -> Option<PedestalOutline> {
         centre_column: stated["centre_column_px"].as_f64()?,
         half_width: stated["half_width_px"].as_f64()?,
         top_seen: stated["top_seen"].as_bool()?,
+        slope_seen: stated["slope_seen"].as_bool()?,
         blur: stated["blur_px"].as_f64()?,
     })
 }

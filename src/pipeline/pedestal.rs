@@ -101,6 +101,7 @@ mod tests {
             views: 3,
             disagree: Vec::new(),
             unseen: Vec::new(),
+            slope_seen: true,
             own: Vec::new(),
         };
         // Two by three, four high; only what faces up or down counts.

@@ -350,6 +350,7 @@ mod tests {
         half_width: 60.0,
         blur: 1.0,
         top_seen: true,
+        slope_seen: true,
     };
 
     #[test]

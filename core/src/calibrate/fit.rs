@@ -335,6 +335,7 @@ impl<'a> Round<'a> {
             let (a, b) = (k.saturating_sub(1), (k + 1).min(m - 1));
             (h[(i, b)] - h[(i, a)]) / ((b - a) as f64 * pitch)
         });
+        self.grid.incline(&up);
         let side = &self.side;
         let of = |f: &dyn Fn(usize, usize) -> f64| DMatrix::from_fn(rows, m, f);
         self.regressors = vec![

@@ -38,8 +38,8 @@ const OUTLINE_PX: f64 = 0.08;
 /// What of it a near camera may be taken for, pixels (standard deviation).
 const NEAR_PX: f64 = 0.03;
 /// Outlines that contradict one another by more than this, pixels and as a share of the grain's mean reach, are none to find slips by,
-/// nor to rely on: of opaque grains of 300 pixels they do by up to 1.8, where something is amiss with the light by 2.2 and more.
-const UNSURE: (f64, f64) = (1.9, 0.0126);
+/// nor to rely on: of opaque grains of 300 pixels they do by up to 0.6, where something is amiss with the light by 1.1 and more.
+const UNSURE: (f64, f64) = (0.9, 0.006);
 /// Widest gap between views over which slips can be detected, degrees.
 const WIDEST_GAP_DEG: f64 = 20.0;
 /// Where the pictures speak against the sense of rotation by so many standard uncertainties, a warning is given. That parallel

@@ -24,6 +24,9 @@ const DEPENDENT: f64 = 1e-9;
 /// Heights over which light and blur move an edge alike, as a share of the heights' range.
 const EDGE_ALIKE: f64 = 0.08;
 
+/// The steepest change of a reach along the axis that counts: beyond it the outline runs across the lines anyway.
+const STEEPEST: f64 = 10.0;
+
 /// What the likelihood is maximised over.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Hyper {
@@ -31,8 +34,8 @@ pub(super) struct Hyper {
     pub curvature_px: f64,
     /// ℓ as a share of the heights' range.
     pub alike: f64,
-    /// Standard deviation of a reach, pixels: what neighbouring heights share (an edge that light or blur moved), and
-    /// what they do not.
+    /// Standard deviation of a reach where outlines run along the axis, pixels: what neighbouring heights share (an edge that light or blur
+    /// moved), and what they do not.
     pub edge_px: f64,
     pub noise_px: f64,
     /// Standard deviation of the views' sideways shifts (radial runout), pixels.
@@ -46,6 +49,8 @@ pub(super) struct Grid {
     /// Directions t, radians.
     t: Vec<f64>,
     heights: Vec<f64>,
+    /// How many times as large a reach's error is at each height as where all outlines run along the axis.
+    inclined: Vec<f64>,
     /// Covariance of the shape along t for a unit σ, and its derivative along the first direction.
     shape: DMatrix<f64>,
     slope: DMatrix<f64>,
@@ -89,7 +94,20 @@ impl Grid {
         let kept: Vec<usize> = (0..n).filter(|k| eigen.eigenvalues[*k] > 0.5 * offset).collect();
         let variances = kept.iter().map(|k| (eigen.eigenvalues[*k] - offset).max(0.0)).collect();
         let seen = eigen.eigenvectors.select_columns(&kept);
-        Self { t, heights, shape, slope, seen, variances }
+        let inclined = vec![1.0; heights.len()];
+        Self { t, heights, inclined, shape, slope, seen, variances }
+    }
+
+    /// Takes over how much the reaches change along the axis, `[sample, height]`. Where an outline runs across the lines, what it is off by
+    /// moves its reach further (√(1 + s²) times as far at the slope s), and what the equations leave out, which are linear, grows with s²: a
+    /// height counts as 1 + s² times as uncertain, with the mean of s² over the directions.
+    ///
+    /// Measured on 49 sets of rendered captures (`benches/pictures`): what the outlines contradict one another by fell from 0.54 px to 0.16 px
+    /// in the middle, and a grain 0.43 mm off the axis showed a roll of 0.30° and a camera 109 mm away instead of −2.53° and 34 mm (0.40° and 120 mm).
+    pub(super) fn incline(&mut self, along_axis: &DMatrix<f64>) {
+        self.inclined = (along_axis.column_iter())
+            .map(|at| 1.0 + at.iter().map(|s| s.abs().min(STEEPEST).powi(2)).sum::<f64>() / at.len() as f64)
+            .collect();
     }
 
     pub(super) fn samples(&self) -> usize {
@@ -105,6 +123,11 @@ impl Grid {
         let mut noise = alike(EDGE_ALIKE) * hyper.edge_px.powi(2);
         for i in 0..z.len() {
             noise[(i, i)] += hyper.noise_px.powi(2);
+        }
+        for (i, a) in self.inclined.iter().enumerate() {
+            for (j, b) in self.inclined.iter().enumerate() {
+                noise[(i, j)] *= a * b;
+            }
         }
         let l = Cholesky::new(noise)?.l();
         let mut whitened = alike(hyper.alike);

@@ -123,6 +123,7 @@ fn report(
             centre_column: r.x0 as f64 + centre,
             half_width,
             top_seen: p.top_seen,
+            slope_seen: p.slope_seen,
             blur: p.blur,
         }
     });

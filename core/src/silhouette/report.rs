@@ -100,6 +100,8 @@ pub struct PedestalOutline {
     pub half_width: f64,
     /// Whether the view itself shows the top; else it is taken where the sides end, or from other views.
     pub top_seen: bool,
+    /// Whether its slope was read off its sides or its top; else it was only found standing still, and is taken for upright.
+    pub slope_seen: bool,
     /// Standard deviation of the blur of its sides, pixels: above its top its light mixes with the grain's as far.
     #[serde(rename = "blur_px")]
     pub blur: f64,
@@ -107,10 +109,10 @@ pub struct PedestalOutline {
 
 impl PedestalOutline {
     /// Length of the sides that its slope was read off in a picture of so many rows, pixels; 0 where they are shorter
-    /// than the pedestal is wide, so that the slope is its top's, which grain and glue disturb.
+    /// than the pedestal is wide, so that the slope is its top's, which grain and glue disturb, or where no slope was read off at all.
     pub fn side_px(&self, rows: usize) -> f64 {
         let length = rows as f64 - self.top_row;
-        if length < 2.0 * self.half_width { 0.0 } else { length }
+        if !self.slope_seen || length < 2.0 * self.half_width { 0.0 } else { length }
     }
 }
 

@@ -48,6 +48,9 @@ pub struct PedestalConsensus {
     pub disagree: Vec<usize>,
     /// Indices of those that show no pedestal, or not its top.
     pub unseen: Vec<usize>,
+    /// Whether its slope was read off.
+    #[serde(skip)]
+    pub slope_seen: bool,
     /// What each view saw by itself.
     #[serde(skip)]
     pub own: Vec<Option<PedestalOutline>>,
@@ -68,6 +71,7 @@ impl PedestalConsensus {
             half_width,
             blur: self.blur_px.value,
             top_seen: own.is_some_and(|p| p.top_seen),
+            slope_seen: self.slope_seen,
         }
     }
 }
@@ -114,6 +118,7 @@ pub fn pedestal_consensus(views: &[Option<PedestalOutline>]) -> Option<PedestalC
             .filter(|(_, p)| p.is_none_or(|p| !p.top_seen))
             .map(|(k, _)| k)
             .collect(),
+        slope_seen: good.iter().any(|(_, p)| p.slope_seen),
         own: views.to_vec(),
     })
 }
@@ -129,7 +134,16 @@ mod tests {
     fn view(top_row: f64, shift: f64) -> PedestalOutline {
         let (centre_column, top_slope) = (500.0 + shift, 0.02);
         let top_row = top_row + top_slope * shift;
-        PedestalOutline { top_row, top_slope, centre_column, half_width: 58.0, top_seen: true, blur: 1.0 }
+        let seen = true;
+        PedestalOutline {
+            top_row,
+            top_slope,
+            centre_column,
+            half_width: 58.0,
+            top_seen: seen,
+            slope_seen: seen,
+            blur: 1.0,
+        }
     }
 
     #[test]

@@ -40,8 +40,16 @@ const ROUNDS: usize = 6;
 pub(in crate::silhouette) fn find(mask: &Mask, plane: &Plane, noise: f64) -> Option<Pedestal> {
     let rows = sides_upwards(mask)?;
     let (left, right, top) = straight_sides(&rows, mask.height)?;
-    let rough =
-        Pedestal { top: [top, 0.0], left, right, top_seen: false, level: 0.0, level_slope: 0.0, blur: 0.0 };
+    let rough = Pedestal {
+        top: [top, 0.0],
+        left,
+        right,
+        top_seen: false,
+        slope_seen: true,
+        level: 0.0,
+        level_slope: 0.0,
+        blur: 0.0,
+    };
     let (centre, half) = rough.centre();
     let (height, width) = ((mask.height as f64 - 0.5) - top, 2.0 * half);
     if width < LEAST_WIDTH || height < LEAST_HEIGHT.0.max(LEAST_HEIGHT.1 * width) {

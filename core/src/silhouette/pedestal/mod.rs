@@ -44,6 +44,8 @@ pub(super) struct Pedestal {
     pub right: [f64; 2],
     /// Whether the top itself was seen; else it is taken where the sides end.
     pub top_seen: bool,
+    /// Whether its lean was read off; else it is taken for upright.
+    pub slope_seen: bool,
     /// Its grey level at its centre, away from the background, and how much that grows with each column.
     pub level: f64,
     pub level_slope: f64,
@@ -92,6 +94,7 @@ impl Pedestal {
             left: side(centre - outline.half_width),
             right: side(centre + outline.half_width),
             top_seen: outline.top_seen,
+            slope_seen: outline.slope_seen,
             level: 0.0,
             level_slope: 0.0,
             blur: outline.blur,

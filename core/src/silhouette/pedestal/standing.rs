@@ -127,6 +127,7 @@ pub fn standing_pedestal(copies: &[&SmallCopy]) -> Option<PedestalOutline> {
         centre_column: 0.5 * (l + r),
         half_width,
         top_seen: false,
+        slope_seen: false,
         blur: 0.0,
     };
     let tall = grid.origin[1] as f64 + (height * grid.factor) as f64 - outline.top_row;
