@@ -146,10 +146,10 @@ mod tests {
     fn an_area_dips_below_those_beside_it_and_the_first_and_last_cannot() {
         let body: Vec<Option<f64>> =
             (0..25).map(|k| Some(1000.0 + 20.0 * (0.25 * f64::from(k)).sin())).collect();
-        let dipping =
-            |areas: &[Option<f64>], which| (0..areas.len()).filter(|k| dips(areas, *k, which)).collect();
-        let none: Vec<usize> = Vec::new();
-        assert_eq!([BRIGHT, DARK].map(|which| dipping(&body, which)), [none.clone(), vec![]]);
+        let dipping = |areas: &[Option<f64>], which| -> Vec<usize> {
+            (0..areas.len()).filter(|k| dips(areas, *k, which)).collect()
+        };
+        assert!([BRIGHT, DARK].iter().all(|which| dipping(&body, *which).is_empty()));
         let mut bitten = body.clone();
         bitten[12] = bitten[12].map(|area| 0.98 * area);
         assert_eq!(dipping(&bitten, BRIGHT), [12]);
