@@ -359,3 +359,21 @@ fn a_wrong_step_size_is_named() {
     // One per cent is 1.8° at the end, spread evenly: on one angular grain it is taken for a slip of the last view.
     assert!(8 * named >= 7 * made, "{made} {named}");
 }
+
+#[test]
+fn a_grain_far_off_the_axis_shows_the_rig_as_well() {
+    // A third of its size off, so that it hangs over and its outline runs across the axis where facets do.
+    let settings = |seed: u64| Settings {
+        eccentricity_mm: [0.3, -0.2],
+        mm_per_px: 0.004,
+        width: 900,
+        camera_distance_mm: Some(120.0),
+        roll_deg: 0.4,
+        ..laboratory(seed, Wrong::Nothing)
+    };
+    for (seed, errors) in (1..9).zip(all(1..9, settings, |_, captured, c| errors_of(captured, c))) {
+        let [axis, rolls, ..] = errors;
+        assert!(axis.errors[0] < 1.0, "rig {seed}: the axis is off by {:.2} px", axis.errors[0]);
+        assert!(rolls.errors[0] < 0.15, "rig {seed}: the roll is off by {:.2}°", rolls.errors[0]);
+    }
+}

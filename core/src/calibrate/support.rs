@@ -271,6 +271,26 @@ mod tests {
     }
 
     #[test]
+    fn a_height_at_which_outlines_run_across_the_lines_moves_nothing() {
+        let n = 50;
+        let t: Vec<f64> = (0..n).map(|i| f64::from(i) * std::f64::consts::TAU / f64::from(n)).collect();
+        let mut grid = Grid::new(t.clone(), (0..12).map(f64::from).collect());
+        let smooth = DMatrix::from_fn(n as usize, 12, |i, _| 100.0 + 6.0 * (2.0 * t[i]).cos());
+        // The sixth height is off by up to five pixels, whichever way.
+        let off =
+            DMatrix::from_fn(n as usize, 12, |i, k| if k == 5 { 5.0 * (7.0 * i as f64).sin() } else { 0.0 });
+        let y = &smooth + &off;
+        let moved = |grid: &Grid| {
+            let [value, _] = grid.smoothed(&y, &hyper()).unwrap();
+            (0..n as usize).map(|i| (value[(i, 5)] - smooth[(i, 5)]).abs()).fold(0.0, f64::max)
+        };
+        let plain = moved(&grid);
+        grid.incline(&DMatrix::from_fn(n as usize, 12, |_, k| if k == 5 { -8.0 } else { 0.0 }));
+        let inclined = moved(&grid);
+        assert!(inclined < 0.4 * plain, "{inclined} {plain}");
+    }
+
+    #[test]
     fn a_shift_of_one_sample_is_found_in_all_heights() {
         let n = 40;
         let t: Vec<f64> = (0..n).map(|i| f64::from(i) * std::f64::consts::TAU / f64::from(n)).collect();

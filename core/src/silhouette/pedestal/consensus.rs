@@ -160,6 +160,18 @@ mod tests {
     }
 
     #[test]
+    fn a_lean_that_nobody_saw_has_no_sides_to_be_read_off() {
+        for slope_seen in [true, false] {
+            let views =
+                [0.1, -0.2, 0.0, 0.3].map(|shift| Some(PedestalOutline { slope_seen, ..view(700.0, shift) }));
+            let stand = pedestal_consensus(&views).unwrap();
+            assert_eq!(stand.slope_seen, slope_seen);
+            assert_eq!(stand.seen_by(views[1]).side_px(1000) > 200.0, slope_seen);
+            assert_eq!(stand.seen_by(None).side_px(1000) > 200.0, slope_seen);
+        }
+    }
+
+    #[test]
     fn two_views_are_no_majority() {
         assert!(pedestal_consensus(&[Some(view(700.0, 0.0)), Some(view(700.1, 0.0)), None]).is_none());
         assert!(pedestal_consensus(&[]).is_none());
