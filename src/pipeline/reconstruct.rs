@@ -205,7 +205,9 @@ pub(super) fn reconstruct(
     let triangles = grid.surface_triangles();
     drop(grid);
     let converging = convergence(&cones, volume.1);
-    let ious = silhouette_ious(&cones, &triangles);
+    let ious = silhouette_ious(&cones, &triangles, |column, row| {
+        (consensus.as_ref()).is_none_or(|c| (row as f64) < c.top_row_at(column as f64))
+    });
     let alone = carved_alone(&cones, &tight.grown(0.05 * longest), ALONE_POINTS);
     let patch =
         consensus.as_ref().zip(scale_mm_per_px).map(|(s, mm_per_px)| contact_patch(s, mm_per_px, &triangles));

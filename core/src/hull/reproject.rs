@@ -9,17 +9,29 @@ use rayon::prelude::*;
 /// A pixel is covered where its centre lies in a triangle's picture, whichever way that faces. 1 is perfect;
 /// inconsistent cameras or silhouettes carve away what a view has seen, so its value falls.
 pub fn silhouette_iou(cone: &Cone, triangles: &[[Point; 3]]) -> f64 {
-    within(cone, triangles, Aabb::of(triangles.iter().flatten().copied()).as_ref())
+    within(cone, triangles, Aabb::of(triangles.iter().flatten().copied()).as_ref(), &|_, _| true)
 }
 
-/// The same for each of several views.
-pub fn silhouette_ious(cones: &[Cone], triangles: &[[Point; 3]]) -> Vec<f64> {
+/// The same for each of several views, of those pixels (column, row) that count.
+///
+/// What hangs below a pedestal's top no hull has, where other views see it before or behind the pedestal: there views do not contradict one
+/// another.
+pub fn silhouette_ious(
+    cones: &[Cone],
+    triangles: &[[Point; 3]],
+    counts: impl Fn(usize, usize) -> bool + Sync,
+) -> Vec<f64> {
     let bounds = Aabb::of(triangles.iter().flatten().copied());
-    cones.par_iter().map(|cone| within(cone, triangles, bounds.as_ref())).collect()
+    cones.par_iter().map(|cone| within(cone, triangles, bounds.as_ref(), &counts)).collect()
 }
 
 /// Of triangles that lie in a box.
-fn within(cone: &Cone, triangles: &[[Point; 3]], bounds: Option<&Aabb>) -> f64 {
+fn within(
+    cone: &Cone,
+    triangles: &[[Point; 3]],
+    bounds: Option<&Aabb>,
+    counts: &impl Fn(usize, usize) -> bool,
+) -> f64 {
     let s = cone.silhouette();
     let window = window(cone, bounds);
     let [w, h] = window.size;
@@ -32,7 +44,11 @@ fn within(cone: &Cone, triangles: &[[Point; 3]], bounds: Option<&Aabb>) -> f64 {
     let (mut both, mut either) = (0u64, 0u64);
     for row in 0..h {
         for column in 0..w {
-            let x = s.contains(window.origin[0] + column, window.origin[1] + row);
+            let at = [window.origin[0] + column, window.origin[1] + row];
+            if !counts(at[0], at[1]) {
+                continue;
+            }
+            let x = s.contains(at[0], at[1]);
             let y = covered[row * w + column];
             both += u64::from(x && y);
             either += u64::from(x || y);

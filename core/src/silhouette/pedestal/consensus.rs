@@ -57,6 +57,11 @@ pub struct PedestalConsensus {
 }
 
 impl PedestalConsensus {
+    /// Row of its top, or of the line that goes on from it, in a column.
+    pub fn top_row_at(&self, column: f64) -> f64 {
+        self.top_row_px.value + self.top_slope.value * (column - self.centre_column_px.value)
+    }
+
     /// The pedestal as a view shows it that saw `own` by itself: where it stands sideways is the view's own business.
     pub fn seen_by(&self, own: Option<PedestalOutline>) -> PedestalOutline {
         let middle = self.centre_column_px.value;
@@ -65,7 +70,7 @@ impl PedestalConsensus {
         let centre_column = columns.filter(|c| (c - middle).abs() <= 0.5 * half_width).unwrap_or(middle);
         let top_slope = self.top_slope.value;
         PedestalOutline {
-            top_row: self.top_row_px.value + top_slope * (centre_column - middle),
+            top_row: self.top_row_at(centre_column),
             top_slope,
             centre_column,
             half_width,
@@ -166,6 +171,7 @@ mod tests {
                 [0.1, -0.2, 0.0, 0.3].map(|shift| Some(PedestalOutline { slope_seen, ..view(700.0, shift) }));
             let stand = pedestal_consensus(&views).unwrap();
             assert_eq!(stand.slope_seen, slope_seen);
+            assert!((stand.top_row_at(600.0) - stand.top_row_at(500.0) - 2.0).abs() < 1e-9);
             assert_eq!(stand.seen_by(views[1]).side_px(1000) > 200.0, slope_seen);
             assert_eq!(stand.seen_by(None).side_px(1000) > 200.0, slope_seen);
         }
