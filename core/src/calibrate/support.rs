@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn a_height_at_which_outlines_run_across_the_lines_moves_nothing() {
+    fn a_height_at_which_outlines_run_across_the_lines_is_followed_less() {
         let n = 50;
         let t: Vec<f64> = (0..n).map(|i| f64::from(i) * std::f64::consts::TAU / f64::from(n)).collect();
         let mut grid = Grid::new(t.clone(), (0..12).map(f64::from).collect());
@@ -285,7 +285,7 @@ mod tests {
             (0..n as usize).map(|i| (value[(i, 5)] - smooth[(i, 5)]).abs()).fold(0.0, f64::max)
         };
         let plain = moved(&grid);
-        grid.incline(&DMatrix::from_fn(n as usize, 12, |_, k| if k == 5 { -8.0 } else { 0.0 }));
+        grid.incline(&DMatrix::from_fn(n as usize, 12, |_, k| if k == 5 { -STEEPEST } else { 0.0 }));
         let inclined = moved(&grid);
         assert!(inclined < 0.4 * plain, "{inclined} {plain}");
     }
