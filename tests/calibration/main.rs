@@ -377,3 +377,26 @@ fn a_grain_far_off_the_axis_shows_the_rig_as_well() {
         assert!(rolls.errors[0] < 0.15, "rig {seed}: the roll is off by {:.2}°", rolls.errors[0]);
     }
 }
+
+#[test]
+fn something_else_that_is_taken_for_the_pedestal_moves_no_axis() {
+    let rigs = nearly_all(1..4, |seed| {
+        let mut captured = capture(&laboratory(seed, Wrong::Nothing))?;
+        // A shaded side of it, say.
+        captured
+            .own
+            .iter_mut()
+            .flatten()
+            .for_each(|p| (p.centre_column, p.half_width) = (p.centre_column + 60.0, 15.0));
+        let (c, _) = calibrated(&captured, &known(&captured));
+        Ok((seed, errors_of(&captured, &c), c.warnings))
+    });
+    for (seed, [axis, rolls, ..], warnings) in rigs {
+        assert!(axis.errors[0] < 1.5, "rig {seed}: the axis is off by {:.2} px", axis.errors[0]);
+        assert!(rolls.errors[0] < 0.2, "rig {seed}: the roll is off by {:.2}°", rolls.errors[0]);
+        assert!(
+            warnings.iter().any(|w| w.contains("left out of the calibration")),
+            "rig {seed}: {warnings:?}"
+        );
+    }
+}

@@ -46,6 +46,10 @@ const WIDEST_GAP_DEG: f64 = 20.0;
 /// views do not show it needs none: it is configured, `rotation.how` states that it was taken from there, and a mirrored
 /// grain has the same volume, size, mesh and compression.
 const DOUBTED_SIGMAS: f64 = 2.5;
+/// Where the views seem to stand further apart than this, pixels, and by the outlines alone less than this share of it, what was taken for the
+/// pedestal is something else: a shaded side of it, or a thing behind.
+const FAR_APART_PX: f64 = 4.0;
+const APART_SHARE: f64 = 0.4;
 /// A view's shift beyond this many times what is usual is worth a word.
 const FAR_SIGMAS: f64 = 4.0;
 
@@ -127,6 +131,8 @@ struct FittedRig {
     /// 1 where signed angles are the stage's, −1 where they are its negatives.
     sense: f64,
     sense_seen: bool,
+    /// Whether the pedestal was left out, as it does not stand where the outlines' axis is.
+    leaves_pedestal_out: bool,
     /// Reciprocal distance from the pictures alone, and its standard uncertainty, 1/pixels.
     reciprocal: (f64, f64),
 }
@@ -147,7 +153,7 @@ impl FittedRig {
             full_step_rad: known.full_step_deg.to_radians(),
         };
         let blind = blind(views);
-        let work = |sense: f64, line: &AxisLine| -> Option<Turning> {
+        let work = |samples: &[Sample], sense: f64, line: &AxisLine| -> Option<Turning> {
             let angles: Vec<f64> = views.iter().map(|v| sense * v.angle.rad()).collect();
             let first = fit(samples, &angles, &priors, line, Spreads::Sought, ROUNDS)?;
             let mut turning = match blind {
@@ -163,7 +169,14 @@ impl FittedRig {
             Some(turning)
         };
         let mut sense = sense;
-        let mut turning = work(sense, start)?;
+        let mut turning = work(samples, sense, start)?;
+        let apart = turning.fit.hyper.runout_px;
+        let outlines: Vec<Sample> = samples.iter().map(|s| Sample { pedestal: None, ..*s }).collect();
+        let alone = (apart > FAR_APART_PX).then(|| work(&outlines, sense, start)).flatten();
+        let alone = alone.filter(|alone| alone.fit.hyper.runout_px < APART_SHARE * apart);
+        let leaves_pedestal_out = alone.is_some();
+        let samples = if leaves_pedestal_out { &outlines } else { samples };
+        turning = alone.unwrap_or(turning);
         // A near camera moves the outline in proportion to the square of its reach: of a small grain that is less than what the
         // outline may be off by.
         let reciprocal_of = |f: &Fit| {
@@ -175,7 +188,7 @@ impl FittedRig {
         if q < -NEAR_SIGMAS * sigma {
             sense = -sense;
             let line = turning.fit.line;
-            turning = work(sense, &line)?;
+            turning = work(samples, sense, &line)?;
         }
         let reciprocal = reciprocal_of(&turning.fit);
         let sense_seen = reciprocal.0 > NEAR_SIGMAS * reciprocal.1;
@@ -198,7 +211,7 @@ impl FittedRig {
                 turning.fit = Fit { step_sigma: turning.fit.step_sigma, ..again };
             }
         }
-        Some(Self { turning, sense, sense_seen, reciprocal })
+        Some(Self { turning, sense, sense_seen, leaves_pedestal_out, reciprocal })
     }
 
     fn calibration(&self, views: &[SeenView], known: &Known) -> Calibration {
@@ -251,6 +264,13 @@ impl FittedRig {
             warnings.push(format!(
                 "the views' outlines contradict one another by {residual_px:.1} px (usual: below {limit_px:.1} px), so that slips \
                  and lost steps cannot be told: light through the grain or shadows spoil them; look at the outlines"
+            ));
+        }
+        if self.leaves_pedestal_out {
+            warnings.push(format!(
+                "what was taken for the pedestal does not stand on the axis that the outlines show (column {:.0}): it was left out of \
+                 the calibration; look where the outlines are cut at its top",
+                fit.line.column_px
             ));
         }
         let counter_clockwise = self.sense > 0.0;
