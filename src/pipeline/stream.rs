@@ -30,6 +30,9 @@ pub type Observer<'a> = dyn Fn(EventKind) + Sync + 'a;
 /// A view's place in the order of arrival, its index, and what became of it.
 type Outcome = (usize, usize, Result<SegmentedView, PipelineError>);
 
+/// Views in the plan's order, the pedestal that they share, and what a person should know.
+pub(super) type CutViews = (Vec<SegmentedView>, Option<PedestalConsensus>, Vec<String>);
+
 /// One view on its way in: what a session has recorded, and nothing else. There is one way to make it, so that a live
 /// run and a replay of it compute from the same numbers.
 #[derive(Debug, Clone)]
@@ -172,11 +175,7 @@ impl Pipeline {
 
     /// Cuts out all views, by what they say together: each as it comes, then by one decision for all of them, at the pedestal that they
     /// share, and with what the others hold of it. The views in the plan's order, the pedestal, and what a person should know.
-    pub(super) fn cut(
-        &self,
-        views: Receiver<View>,
-        observer: &Observer,
-    ) -> Result<(Vec<SegmentedView>, Option<PedestalConsensus>, Vec<String>), PipelineError> {
+    pub(super) fn cut(&self, views: Receiver<View>, observer: &Observer) -> Result<CutViews, PipelineError> {
         let mut segmented = self.take(views, observer)?;
         if segmented.len() < self.views {
             return Err(PipelineError::MissingViews { got: segmented.len(), expected: self.views });
