@@ -5,7 +5,7 @@ use super::result::{HullMethod, HullResult, MeshResult, ResultFile, ResultHead, 
 use super::verdict::{ResultVerdict, verdict};
 use super::{Observer, PipelineError, Product, SeenPose, Settings};
 use crate::session::event::EventKind;
-use grainrig_core::geometry::{Aabb, Point};
+use grainrig_core::geometry::{Aabb, Point, TriangleMesh};
 use grainrig_core::hull::{Cone, HullError, HullGrid, VisualHull, silhouette_iou};
 use grainrig_core::mesh::{Controls, TetMesh, mesh};
 use grainrig_core::register::{Motion, PoseView, Registration, Rival, Unfilled, register};
@@ -148,11 +148,11 @@ pub fn merge(
     let measures = grid.measures();
     let tight = measures.bounding_box_mm.ok_or(HullError::Empty { views: cones.len() })?;
     let voxels = grid.count_voxels();
-    let triangles = grid.surface_triangles();
+    let surface = grid.surface();
     drop(grid);
-    let mut ious = filled(a.pose.views(), &triangles, &Motion::identity());
-    ious.extend(filled(b.pose.views(), &triangles, &motion));
-    drop(triangles);
+    let mut ious = filled(a.pose.views(), &surface, &Motion::identity());
+    ious.extend(filled(b.pose.views(), &surface, &motion));
+    drop(surface);
 
     let longest = tight.size().max();
     let body = VisualHull { cones, bounds: tight.grown(0.02 * longest) };
@@ -217,14 +217,17 @@ fn common_box(a: &SeenPose, b: &SeenPose, motion: &Motion) -> Result<Aabb, Pipel
 
 /// How well the merged hull, seen again by each view of a pose that was moved so, fills its silhouette. What lies below
 /// a silhouette's end is no part of it.
-fn filled(views: &[PoseView], triangles: &[[Point; 3]], motion: &Motion) -> Vec<f64> {
+fn filled(views: &[PoseView], surface: &TriangleMesh, motion: &Motion) -> Vec<f64> {
     let one = |view: &PoseView| {
         let projection = motion.camera(&view.projection);
         let Some(cut) = view.cut else {
-            return silhouette_iou(&Cone::new(projection, Arc::clone(&view.silhouette)), triangles);
+            return silhouette_iou(&Cone::new(projection, Arc::clone(&view.silhouette)), surface);
         };
         let shown = |p: &Point| projection.project(p).is_some_and(|q| cut.above_px(q) > -cut.mixed_px);
-        let above: Vec<_> = triangles.iter().filter(|t| t.iter().any(shown)).copied().collect();
+        let shown: Vec<bool> = surface.vertices.iter().map(shown).collect();
+        let is_above = |t: &&[u32; 3]| t.iter().any(|v| shown[*v as usize]);
+        let triangles = surface.triangles.iter().filter(is_above).copied().collect();
+        let above = TriangleMesh { vertices: surface.vertices.clone(), triangles };
         silhouette_iou(&Cone::new(projection.clone(), Arc::clone(&view.silhouette)), &above)
     };
     views.par_iter().map(one).collect()

@@ -2,7 +2,7 @@
 
 use super::{Cameras, PipelineError, SegmentedView, ViewFault};
 use crate::session::event::Role;
-use grainrig_core::geometry::Point;
+use grainrig_core::geometry::TriangleMesh;
 use grainrig_core::silhouette::{PedestalConsensus, PedestalOutline, Side, pedestal_consensus};
 use serde::Serialize;
 
@@ -29,15 +29,15 @@ pub(super) fn mixed_px(consensus: &PedestalConsensus) -> f64 {
     (MIXED * consensus.blur_px.value).max(LEAST_MIXED_PX)
 }
 
-/// The contact patch of a hull's surface, whose triangles are counter-clockwise seen from outside, in mm.
+/// The contact patch of a hull's surface, in mm.
 pub(super) fn contact_patch(
     consensus: &PedestalConsensus,
     mm_per_px: f64,
-    surface: &[[Point; 3]],
+    surface: &TriangleMesh,
 ) -> ContactPatch {
     let height_mm = mixed_px(consensus) * mm_per_px;
     let (mut area_mm2, mut low, mut all) = (0.0, 0.0, 0.0);
-    for [a, b, c] in surface {
+    for [a, b, c] in (0..surface.triangles.len()).map(|t| surface.corners(t)) {
         let upwards = 0.5 * (b - a).cross(&(c - a)).z;
         let z = (a.z + b.z + c.z) / 3.0;
         area_mm2 += if z > height_mm { upwards } else { 0.0 };
@@ -87,6 +87,7 @@ pub(super) fn recut(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use grainrig_core::geometry::Point;
     use grainrig_core::silhouette::ConsensusValue;
 
     #[test]
@@ -105,11 +106,11 @@ mod tests {
             own: Vec::new(),
         };
         // Two by three, four high; only what faces up or down counts.
-        let corner = |x: f64, y: f64, z: f64| Point::new(x, y, z);
-        let face =
-            |z: f64| [corner(0.0, 0.0, z), corner(2.0, 0.0, z), corner(2.0, 3.0, z), corner(0.0, 3.0, z)];
-        let ([a, b, c, d], [e, f, g, h]) = (face(0.0), face(4.0));
-        let surface = [[a, c, b], [a, d, c], [e, f, g], [e, g, h]];
+        let face = |z: f64| [[0.0, 0.0], [2.0, 0.0], [2.0, 3.0], [0.0, 3.0]].map(|[x, y]| Point::new(x, y, z));
+        let surface = TriangleMesh {
+            vertices: [face(0.0), face(4.0)].concat(),
+            triangles: vec![[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]],
+        };
         let patch = contact_patch(&consensus, 0.16, &surface);
         assert!((patch.height_mm - 0.4).abs() < 1e-12 && (patch.area_mm2 - 6.0).abs() < 1e-12, "{patch:?}");
         assert!((patch.volume_share - 0.1).abs() < 1e-12, "{patch:?}");

@@ -202,16 +202,16 @@ pub(super) fn reconstruct(
             (HullMethod::Grid, measures.volume_mm3)
         }
     };
-    let triangles = grid.surface_triangles();
+    let surface = grid.surface();
     drop(grid);
     let converging = convergence(&cones, volume.1);
-    let ious = silhouette_ious(&cones, &triangles, |column, row| {
+    let ious = silhouette_ious(&cones, &surface, |column, row| {
         (consensus.as_ref()).is_none_or(|c| (row as f64) < c.top_row_at(column as f64))
     });
     let alone = carved_alone(&cones, &tight.grown(0.05 * longest), ALONE_POINTS);
     let patch =
-        consensus.as_ref().zip(scale_mm_per_px).map(|(s, mm_per_px)| contact_patch(s, mm_per_px, &triangles));
-    drop(triangles);
+        consensus.as_ref().zip(scale_mm_per_px).map(|(s, mm_per_px)| contact_patch(s, mm_per_px, &surface));
+    drop(surface);
     let estimate = estimate(
         &cones,
         &Known {

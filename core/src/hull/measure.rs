@@ -4,7 +4,7 @@
 //! linear: the surface is watertight and the volume and area converge with the square of the pitch.
 
 use super::grid::{B, BLOCKS, Block, Group, HullGrid, POINTS, R, unravel};
-use crate::geometry::{Aabb, Point, Vector};
+use crate::geometry::{Aabb, Point, TriangleMesh, Vector};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -53,7 +53,7 @@ impl HullGrid {
     pub fn measures(&self) -> Measures {
         let h = self.pitch_mm;
         let sums: Vec<Sum> =
-            (0..self.groups.len()).into_par_iter().map(|n| self.measure_group(n, &mut |_| {})).collect();
+            (0..self.groups.len()).into_par_iter().map(|n| self.measure_group(n, &mut Nothing)).collect();
         let mut total = Sum::NOTHING;
         sums.iter().for_each(|s| total.add(s));
         let corner = |p: [f64; 3]| self.origin + Vector::from(p) * h;
@@ -65,24 +65,34 @@ impl HullGrid {
         }
     }
 
-    /// The triangles of the surface that [`Self::measures`] measures, in a fixed order; not oriented.
-    pub fn surface_triangles(&self) -> Vec<[Point; 3]> {
-        let parts: Vec<Vec<[Point; 3]>> = (0..self.groups.len())
+    /// The surface that [`Self::measures`] measures, in a fixed order. The triangles of a block of 8³ cells share their vertices; those on the
+    /// border of two blocks are there twice.
+    pub fn surface(&self) -> TriangleMesh {
+        let parts: Vec<TriangleMesh> = (0..self.groups.len())
             .into_par_iter()
             .map(|n| {
-                let mut out = Vec::new();
-                self.measure_group(n, &mut |t: [[f64; 3]; 3]| {
-                    out.push(t.map(|p| self.origin + Vector::from(p) * self.pitch_mm));
-                });
-                out
+                let mut sharing = Sharing { mesh: TriangleMesh::default(), ids: vec![0; EDGES] };
+                self.measure_group(n, &mut sharing);
+                for p in &mut sharing.mesh.vertices {
+                    *p = self.origin + p.coords * self.pitch_mm;
+                }
+                sharing.mesh
             })
             .collect();
-        parts.concat()
+        let mut whole = TriangleMesh::default();
+        whole.vertices.reserve_exact(parts.iter().map(|part| part.vertices.len()).sum());
+        whole.triangles.reserve_exact(parts.iter().map(|part| part.triangles.len()).sum());
+        for part in parts {
+            let before = whole.vertices.len() as u32;
+            whole.vertices.extend(part.vertices);
+            whole.triangles.extend(part.triangles.iter().map(|t| t.map(|v| v + before)));
+        }
+        whole
     }
 
     /// The sums of the cells that a group's blocks own, and their triangles in units of the pitch from the first
     /// point of the grid.
-    fn measure_group(&self, n: usize, emit: &mut impl FnMut([[f64; 3]; 3])) -> Sum {
+    fn measure_group(&self, n: usize, out: &mut impl Surface) -> Sum {
         let mut sum = Sum::NOTHING;
         let blocks = match &self.groups[n] {
             Group::Outside => return sum,
@@ -103,7 +113,8 @@ impl HullGrid {
                     let at = [0, 1, 2].map(|k| R * first[k] + within[k]);
                     self.corners_of(at, &mut corners);
                     let mut own = Sum::NOTHING;
-                    measure_cells(&corners, at.map(|i| (B * i) as f64), &mut own, emit);
+                    out.begin_block();
+                    measure_cells(&corners, at.map(|i| (B * i) as f64), &mut own, out);
                     sum.add(&own);
                 }
             }
@@ -117,7 +128,7 @@ fn measure_cells(
     corners: &[f32; E * E * E],
     first: [f64; 3],
     sum: &mut Sum,
-    emit: &mut impl FnMut([[f64; 3]; 3]),
+    out: &mut impl Surface,
 ) {
     // Row after row, a bit for each point that is inside.
     let mut inside = [0u16; E * E];
@@ -137,27 +148,37 @@ fn measure_cells(
                 let v: [f64; 8] = std::array::from_fn(|i| {
                     f64::from(corners[((z + (i >> 2 & 1)) * E + y + (i >> 1 & 1)) * E + x + (i & 1)])
                 });
-                measure_cell(&v, [first[0] + x as f64, first[1] + y as f64, first[2] + z as f64], sum, emit);
+                let corner = (z * E + y) * E + x;
+                let at = [first[0] + x as f64, first[1] + y as f64, first[2] + z as f64];
+                measure_cell(&v, (corner, at), sum, out);
             }
         }
     }
 }
 
-/// One cell with its first corner at `at`. Each tetrahedron is a sixth of it; what is cut off a corner is the
-/// product of the three edges' parts, and two corners' wedge is three such pieces.
-fn measure_cell(v: &[f64; 8], at: [f64; 3], sum: &mut Sum, emit: &mut impl FnMut([[f64; 3]; 3])) {
+/// One cell with its first corner, the number of that among the block's and its place. Each tetrahedron is a sixth of it; what is cut off a
+/// corner is the product of the three edges' parts, and two corners' wedge is three such pieces.
+fn measure_cell(
+    v: &[f64; 8],
+    (corner, at): (usize, [f64; 3]),
+    sum: &mut Sum,
+    out: &mut impl Surface,
+) {
     for t in TETRAHEDRA {
         let signs = t.iter().enumerate().fold(0, |bits, (k, i)| bits | usize::from(v[*i] < 0.0) << k);
         let order = INSIDE_FIRST[signs].map(|k| t[k]);
-        // The part of the edge from corner a to corner b that lies before the surface, and the point there.
+        // The part of the edge from corner a to corner b that lies before the surface, the point there and the edge's number.
         let cut = |a: usize, b: usize| {
             let (from, to) = (order[a], order[b]);
+            // All edges go from a corner to one further along each axis, or as far.
+            let low = from & to;
+            let low = (low >> 2) * E * E + (low >> 1 & 1) * E + (low & 1);
             let part = v[from] / (v[from] - v[to]);
             let point = [0, 1, 2].map(|k| {
                 let (p, q) = ((from >> k & 1) as f64, (to >> k & 1) as f64);
                 at[k] + (p + (q - p) * part)
             });
-            (part, point)
+            (part, (point, (corner + low) * 8 + (from ^ to)))
         };
         let (part, points, count) = match signs.count_ones() {
             0 => continue,
@@ -181,17 +202,63 @@ fn measure_cell(v: &[f64; 8], at: [f64; 3], sum: &mut Sum, emit: &mut impl FnMut
         };
         sum.volume += part / 6.0;
         for k in 2..count {
-            let [p, q, r] = [points[0], points[k - 1], points[k]].map(Vector::from);
+            let triangle = [points[0], points[k - 1], points[k]];
+            let [p, q, r] = triangle.map(|(point, _)| Vector::from(point));
             sum.area += 0.5 * (q - p).cross(&(r - p)).norm();
-            emit([points[0], points[k - 1], points[k]]);
+            out.take(triangle);
         }
-        for point in points {
+        for (point, _) in points {
             sum.add(&Sum { low: point, high: point, ..Sum::NOTHING });
         }
     }
 }
 
-/// For each set of a tetrahedron's corners that are inside (a bit each): those first, then the others, each in order.
+/// Who takes the triangles.
+trait Surface {
+    /// Before a block's triangles.
+    fn begin_block(&mut self);
+    /// A triangle's points, in units of the pitch from the first point of the grid, each with the number of the edge that it lies on,
+    /// below [`EDGES`] and its own in the block; counter-clockwise seen from outside.
+    fn take(&mut self, triangle: [([f64; 3], usize); 3]);
+}
+
+/// Nobody does.
+struct Nothing;
+
+impl Surface for Nothing {
+    fn begin_block(&mut self) {}
+    fn take(&mut self, _: [([f64; 3], usize); 3]) {}
+}
+
+/// Edges of a block: each of its points has one in seven directions, and one number is free.
+const EDGES: usize = E * E * E * 8;
+
+/// A mesh whose triangles share vertices within a block.
+struct Sharing {
+    mesh: TriangleMesh,
+    /// Of each edge the vertex; `u32::MAX` where it has none yet.
+    ids: Vec<u32>,
+}
+
+impl Surface for Sharing {
+    fn begin_block(&mut self) {
+        self.ids.fill(u32::MAX);
+    }
+
+    fn take(&mut self, triangle: [([f64; 3], usize); 3]) {
+        let corners = triangle.map(|(point, edge)| {
+            if self.ids[edge] == u32::MAX {
+                self.ids[edge] = self.mesh.vertices.len() as u32;
+                self.mesh.vertices.push(Point::from(point));
+            }
+            self.ids[edge]
+        });
+        self.mesh.triangles.push(corners);
+    }
+}
+
+/// For each set of a tetrahedron's corners that are inside (a bit each): those first, then the others, by an even permutation, so that
+/// triangles are seen counter-clockwise from outside.
 const INSIDE_FIRST: [[usize; 4]; 16] = {
     let mut table = [[0; 4]; 16];
     let mut signs = 0;
@@ -205,7 +272,27 @@ const INSIDE_FIRST: [[usize; 4]; 16] = {
             }
             k += 1;
         }
+        if is_odd(table[signs]) {
+            // Two that are both inside, or both not.
+            let k = if signs.count_ones() < 3 { 2 } else { 0 };
+            let kept = table[signs][k];
+            table[signs][k] = table[signs][k + 1];
+            table[signs][k + 1] = kept;
+        }
         signs += 1;
     }
     table
 };
+
+const fn is_odd(order: [usize; 4]) -> bool {
+    let (mut inversions, mut a) = (0, 0);
+    while a < 4 {
+        let mut b = a + 1;
+        while b < 4 {
+            inversions += (order[a] > order[b]) as usize;
+            b += 1;
+        }
+        a += 1;
+    }
+    inversions % 2 == 1
+}

@@ -1,15 +1,15 @@
 //! Reprojection of the hull: intersection over union with the silhouette that carved it.
 
 use super::Cone;
-use crate::geometry::{Aabb, Point};
+use crate::geometry::{Aabb, TriangleMesh};
 use rayon::prelude::*;
 
 /// Intersection over union of a view's silhouette and the picture of a closed surface's triangles.
 ///
 /// A pixel is covered where its centre lies in a triangle's picture, whichever way that faces. 1 is perfect;
 /// inconsistent cameras or silhouettes carve away what a view has seen, so its value falls.
-pub fn silhouette_iou(cone: &Cone, triangles: &[[Point; 3]]) -> f64 {
-    within(cone, triangles, Aabb::of(triangles.iter().flatten().copied()).as_ref(), &|_, _| true)
+pub fn silhouette_iou(cone: &Cone, surface: &TriangleMesh) -> f64 {
+    within(cone, surface, surface.bounds().as_ref(), &|_, _| true)
 }
 
 /// The same for each of several views, of those pixels (column, row) that count.
@@ -18,17 +18,17 @@ pub fn silhouette_iou(cone: &Cone, triangles: &[[Point; 3]]) -> f64 {
 /// another.
 pub fn silhouette_ious(
     cones: &[Cone],
-    triangles: &[[Point; 3]],
+    surface: &TriangleMesh,
     counts: impl Fn(usize, usize) -> bool + Sync,
 ) -> Vec<f64> {
-    let bounds = Aabb::of(triangles.iter().flatten().copied());
-    cones.par_iter().map(|cone| within(cone, triangles, bounds.as_ref(), &counts)).collect()
+    let bounds = surface.bounds();
+    cones.par_iter().map(|cone| within(cone, surface, bounds.as_ref(), &counts)).collect()
 }
 
-/// Of triangles that lie in a box.
+/// Of a surface in its box.
 fn within(
     cone: &Cone,
-    triangles: &[[Point; 3]],
+    surface: &TriangleMesh,
     bounds: Option<&Aabb>,
     counts: &impl Fn(usize, usize) -> bool,
 ) -> f64 {
@@ -36,10 +36,13 @@ fn within(
     let window = window(cone, bounds);
     let [w, h] = window.size;
     let mut covered = vec![false; w * h];
-    for t in triangles {
-        let [Some(a), Some(b), Some(c)] = t.map(|p| cone.projection().project(&p)) else { continue };
-        let [a, b, c] = [a, b, c].map(|p| [0, 1].map(|k| p[k] - window.origin[k] as f64));
-        fill(&mut covered, w, h, a, b, c);
+    let seen: Vec<Option<[f64; 2]>> = (surface.vertices.iter())
+        .map(|p| cone.projection().project(p).map(|at| [0, 1].map(|k| at[k] - window.origin[k] as f64)))
+        .collect();
+    for t in &surface.triangles {
+        if let [Some(a), Some(b), Some(c)] = t.map(|v| seen[v as usize]) {
+            fill(&mut covered, w, h, a, b, c);
+        }
     }
     let (mut both, mut either) = (0u64, 0u64);
     for row in 0..h {

@@ -1,6 +1,6 @@
 use super::*;
 use crate::calibrate::Turntable;
-use crate::geometry::Angle;
+use crate::geometry::{Angle, Point, Vector};
 use crate::silhouette::Silhouette;
 use std::sync::Arc;
 
@@ -207,13 +207,29 @@ fn views_without_a_common_body_and_bad_pitches_are_errors() {
 }
 
 #[test]
+fn the_surface_faces_outwards_and_encloses_the_volume_that_is_measured() {
+    let grid = carve(&ball_views(80.0, 9, None), 0.01);
+    let (surface, measures) = (grid.surface(), grid.measures());
+    let over = surface.volume_mm3() / measures.volume_mm3 - 1.0;
+    assert!(over.abs() < 1e-9, "{over}");
+    // Of a closed surface that is oriented the areas seen from any side cancel.
+    let sum = |p: [Point; 3]| (p[1] - p[0]).cross(&(p[2] - p[0]));
+    let all: Vector = (0..surface.triangles.len()).map(|t| sum(surface.corners(t))).sum();
+    assert!(all.norm() < 1e-9 * measures.surface_area_mm2, "{all}");
+    assert!((surface.area_mm2() / measures.surface_area_mm2 - 1.0).abs() < 1e-9);
+    // Vertices are shared: a surface that shared none would have three times as many as triangles, one that shared all half as many.
+    let shared = surface.vertices.len() as f64 / surface.triangles.len() as f64;
+    assert!((0.5..0.75).contains(&shared), "{shared}");
+}
+
+#[test]
 fn the_hull_fills_the_silhouettes_that_carved_it() {
     let cones = ball_views(80.0, 9, None);
-    let triangles = carve(&cones, 0.01).surface_triangles();
+    let surface = carve(&cones, 0.01).surface();
     for c in &cones {
-        let iou = silhouette_iou(c, &triangles);
+        let iou = silhouette_iou(c, &surface);
         assert!(iou > 0.985, "{iou}");
     }
     let moved = Cone::new(cones[0].projection().clone(), disc([200.0, 150.0], 80.0, [320, 300]));
-    assert!(silhouette_iou(&moved, &triangles) < 0.7);
+    assert!(silhouette_iou(&moved, &surface) < 0.7);
 }

@@ -4,7 +4,7 @@ use super::field::{Field, Moments};
 use super::rims::{Rim, rims};
 use super::view::PoseView;
 use super::{Motion, RegisterError};
-use crate::geometry::Point;
+use crate::geometry::{Point, TriangleMesh};
 use crate::hull::{Cone, HullError, HullGrid, VisualHull, find_bounds};
 use std::sync::Arc;
 
@@ -46,7 +46,7 @@ impl Pose {
         let empty = || RegisterError::Hull(HullError::Empty { views: views.len() });
         let mut grid = HullGrid::new(&bounds, size_mm / SURFACE_CELLS)?;
         closed.iter().for_each(|c| grid.carve(c));
-        let surface = grid.surface_triangles();
+        let surface = grid.surface();
         let closed = VisualHull { cones: closed, bounds };
         let moments = Field::of(&closed, &bounds, MOMENT_CELLS).moments().ok_or_else(empty)?;
         let body = VisualHull { cones: views.iter().map(PoseView::open).collect(), bounds };
@@ -81,9 +81,10 @@ impl Pose {
 }
 
 /// Points evenly spread over the area of the triangles that `keep`s.
-fn sampled(triangles: &[[Point; 3]], keep: impl Fn(&Point) -> bool) -> Vec<Point> {
-    let middle = |[a, b, c]: &[Point; 3]| Point::from((a.coords + b.coords + c.coords) / 3.0);
-    let kept: Vec<(Point, f64)> = (triangles.iter())
+fn sampled(surface: &TriangleMesh, keep: impl Fn(&Point) -> bool) -> Vec<Point> {
+    let middle = |[a, b, c]: [Point; 3]| Point::from((a.coords + b.coords + c.coords) / 3.0);
+    let kept: Vec<(Point, f64)> = (0..surface.triangles.len())
+        .map(|t| surface.corners(t))
         .map(|t| (middle(t), 0.5 * (t[1] - t[0]).cross(&(t[2] - t[0])).norm()))
         .filter(|(p, _)| keep(p))
         .collect();
@@ -105,15 +106,16 @@ mod tests {
     #[test]
     fn samples_are_spread_by_area() {
         let square = |x: f64, n: usize| {
-            (0..n).map(move |i| {
+            (0..n).flat_map(move |i| {
                 let y = i as f64 / n as f64;
                 let h = 2.0 / n as f64;
                 [Point::new(x, y, 0.0), Point::new(x + 1.0, y, 0.0), Point::new(x, y + h, 0.0)]
             })
         };
         // The same area in many small triangles and in fewer large ones.
-        let triangles: Vec<_> = square(0.0, 4000).chain(square(5.0, 1000)).collect();
-        let samples = sampled(&triangles, |p| p.y < 0.99);
+        let vertices: Vec<_> = square(0.0, 4000).chain(square(5.0, 1000)).collect();
+        let triangles = (0..vertices.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        let samples = sampled(&TriangleMesh { vertices, triangles }, |p| p.y < 0.99);
         let left = samples.iter().filter(|p| p.x < 2.0).count();
         assert!(samples.len().abs_diff(SAMPLES) <= 2, "{}", samples.len());
         assert!(left.abs_diff(SAMPLES / 2) <= 2, "{left}");
