@@ -41,7 +41,8 @@ pub(super) fn contact_patch(
         let upwards = 0.5 * (b - a).cross(&(c - a)).z;
         let z = (a.z + b.z + c.z) / 3.0;
         area_mm2 += if z > height_mm { upwards } else { 0.0 };
-        low += z.min(height_mm) * upwards;
+        // Less the height, whose flux out of a closed surface is nothing: above it nothing adds up, not even what is rounded.
+        low += (z - height_mm).min(0.0) * upwards;
         all += z * upwards;
     }
     // The hull may begin a little below the top: what is there counts as low.
@@ -106,7 +107,8 @@ mod tests {
             own: Vec::new(),
         };
         // Two by three, four high; only what faces up or down counts.
-        let face = |z: f64| [[0.0, 0.0], [2.0, 0.0], [2.0, 3.0], [0.0, 3.0]].map(|[x, y]| Point::new(x, y, z));
+        let face =
+            |z: f64| [[0.0, 0.0], [2.0, 0.0], [2.0, 3.0], [0.0, 3.0]].map(|[x, y]| Point::new(x, y, z));
         let surface = TriangleMesh {
             vertices: [face(0.0), face(4.0)].concat(),
             triangles: vec![[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]],
@@ -114,5 +116,14 @@ mod tests {
         let patch = contact_patch(&consensus, 0.16, &surface);
         assert!((patch.height_mm - 0.4).abs() < 1e-12 && (patch.area_mm2 - 6.0).abs() < 1e-12, "{patch:?}");
         assert!((patch.volume_share - 0.1).abs() < 1e-12, "{patch:?}");
+        // A hull that begins above has nothing in it.
+        let raised = |mut s: TriangleMesh| {
+            s.vertices.iter_mut().for_each(|p| p.z += 0.7);
+            s
+        };
+        assert_eq!(
+            contact_patch(&consensus, 0.16, &raised(surface)).volume_share.to_bits(),
+            0.0_f64.to_bits()
+        );
     }
 }

@@ -124,12 +124,7 @@ impl HullGrid {
 }
 
 /// The cells between 9³ corners of which the first is at `first`, in units of the pitch.
-fn measure_cells(
-    corners: &[f32; E * E * E],
-    first: [f64; 3],
-    sum: &mut Sum,
-    out: &mut impl Surface,
-) {
+fn measure_cells(corners: &[f32; E * E * E], first: [f64; 3], sum: &mut Sum, out: &mut impl Surface) {
     // Row after row, a bit for each point that is inside.
     let mut inside = [0u16; E * E];
     for (bits, row) in inside.iter_mut().zip(corners.chunks_exact(E)) {
@@ -158,12 +153,7 @@ fn measure_cells(
 
 /// One cell with its first corner, the number of that among the block's and its place. Each tetrahedron is a sixth of it; what is cut off a
 /// corner is the product of the three edges' parts, and two corners' wedge is three such pieces.
-fn measure_cell(
-    v: &[f64; 8],
-    (corner, at): (usize, [f64; 3]),
-    sum: &mut Sum,
-    out: &mut impl Surface,
-) {
+fn measure_cell(v: &[f64; 8], (corner, at): (usize, [f64; 3]), sum: &mut Sum, out: &mut impl Surface) {
     for t in TETRAHEDRA {
         let signs = t.iter().enumerate().fold(0, |bits, (k, i)| bits | usize::from(v[*i] < 0.0) << k);
         let order = INSIDE_FIRST[signs].map(|k| t[k]);

@@ -41,9 +41,7 @@ const LEAST_UNEVEN: f64 = 0.1;
 const LEAST_SD_PX: f64 = 0.03;
 /// Noise of a picture that shows none, levels.
 const LEAST_NOISE: f64 = 1e-3;
-/// A pedestal's side, which has no rim, shows the lens's blur: a grain's edge is this much softer by its own small unevenness, and no
-/// sharper than this share of what it shows itself, as the pedestal may stand elsewhere.
-const OF_PEDESTAL: f64 = 1.05;
+/// A grain's edge is no sharper than this share of what it shows itself: the pedestal, whose sides show the lens's blur, may stand elsewhere.
 const LEAST_OF_OWN: f64 = 0.7;
 /// Steps of the fit, and what ends them, pixels.
 const STEPS: usize = 12;
@@ -99,13 +97,12 @@ struct Edge {
 }
 
 /// The outline placed again, and the lens's blur, pixels; `None` where the picture is too soft. `blur_px` is as the placed outline
-/// shows it in the smoothed values, `noise` the light's in levels, `pedestal_px` the blur of the pedestal's sides where it shows, and
-/// `open` tells whether the grain is seen unmixed at a place.
+/// shows it in the smoothed values, `noise` the light's in levels, `lens_px` what the pedestal's sides show, and `open` tells whether the grain is seen unmixed at a place.
 pub(super) fn fitted(
     plane: &Plane,
     placed: &Field,
     (blur_px, noise, is_bright): (f64, f64, bool),
-    pedestal_px: Option<f64>,
+    lens_px: Option<f64>,
     open: impl Fn(f64, f64) -> bool + Sync,
 ) -> Option<(Field, f64)> {
     let weights = Weights::new();
@@ -127,8 +124,8 @@ pub(super) fn fitted(
     let rank = (QUANTILE * blurs.len() as f64) as usize;
     let sigma =
         if blurs.is_empty() { shown } else { shown * *blurs.select_nth_unstable_by(rank, f64::total_cmp).1 };
-    let of_pedestal = pedestal_px.map_or(sigma, |px| (OF_PEDESTAL * px).max(LEAST_OF_OWN * sigma));
-    let sigma = sigma.min(of_pedestal).max(LEAST_BLUR);
+    let of_lens = lens_px.map_or(sigma, |px| px.max(LEAST_OF_OWN * sigma));
+    let sigma = sigma.min(of_lens).max(LEAST_BLUR);
     let area = placed.values.iter().filter(|v| **v < 0.0).count() as f64;
     if sigma > MOST_BLUR_PX.min(MOST_BLUR_SHARE * (area / std::f64::consts::PI).sqrt()) {
         return None;
@@ -358,7 +355,7 @@ fn model(p: &Vector3<f64>, t: f64, sigma: f64) -> (f64, Vector3<f64>) {
 }
 
 /// The normal distribution's integral (Abramowitz and Stegun 26.2.17, to 7.5e-8) and density.
-fn normal(u: f64) -> (f64, f64) {
+pub(super) fn normal(u: f64) -> (f64, f64) {
     let density = (-0.5 * u * u).exp() * 0.398_942_280_401_432_7;
     let t = 1.0 / (1.0 + 0.231_641_9 * u.abs());
     let tail = density

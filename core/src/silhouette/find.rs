@@ -8,7 +8,7 @@ use super::report::{PedestalOutline, Report};
 use super::search::{Scene, search};
 use super::symmetry::{self, EdgePoint, LEAST_EDGES, Surroundings};
 use super::{
-    EdgeSymmetry, EdgeTail, HeldByOthers, Histogram, LocalRim, Plateaus, Settings, Silhouette,
+    EdgeBlur, EdgeSymmetry, EdgeTail, HeldByOthers, Histogram, LocalRim, Plateaus, Settings, Silhouette,
     SilhouetteError, SmallCopy, Source, ToneCurve, ToneSource, Uncut,
 };
 use super::{frame, lit};
@@ -31,6 +31,8 @@ pub struct Segmentation {
     pub plateaus: Plateaus,
     /// Standard deviation of the outline's blur, pixels: lens, pixel and the mean over 3×3 pixels together.
     pub blur_px: f64,
+    /// The same of lens and pixel alone, where the pedestal's sides show it.
+    pub lens_px: Option<f64>,
     /// What the edges say of the tone curve, where neither the file nor the settings say which it is.
     pub symmetry: Option<EdgeSymmetry>,
     /// What the edges' outer tail says of a bright rim; `None` where it says nothing.
@@ -137,19 +139,22 @@ pub fn find_with(
         }
         found.symmetry = Some(symmetry);
     }
-    if let Some(mut blur_px) = sharpest_px {
+    if let Some(mut sharpest_px) = sharpest_px {
         // A pedestal that is glossy, or out of focus, is no measure of the grain's edges.
-        if found.report.pedestal.is_some_and(|p| p.blur > blur_px.min(found.blur_px)) {
+        if found.report.pedestal.is_some_and(|p| p.blur > sharpest_px.min(found.blur_px)) {
             let (_, own) = edges.around.symmetry(&edges.points[..edges.of_grain]);
-            blur_px = own.map_or(blur_px, |own| own.min(blur_px));
+            sharpest_px = own.map_or(sharpest_px, |own| own.min(sharpest_px));
         }
+        let edge = EdgeBlur { sharpest_px, lens_px: found.lens_px };
+        let blur_px = edge.px();
         let profile =
             edges.around.mean_profile(&edges.points[..edges.of_grain], found.report.tone_curve, blur_px);
         let noise = found.report.noise / found.report.contrast.abs().max(1.0);
-        found.tail = EdgeTail::of(|share| profile.reaches(share, LEAST_EDGES), [blur_px, noise]);
+        let is_bright = scene.bright_grain;
+        found.tail = EdgeTail::of(|share| profile.reaches(share, LEAST_EDGES), (edge, noise, is_bright));
         if found.tail.is_some_and(|tail| tail.rim_px() > 0.0) {
             let r = &seen.plane.rect;
-            let shown = (found.report.tone_curve, blur_px, [r.x0, r.y0]);
+            let shown = (found.report.tone_curve, edge, [r.x0, r.y0]);
             found.rims = LocalRim::along(&edges.around, &edges.points[..edges.of_grain], shown);
         }
     }

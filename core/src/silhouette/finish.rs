@@ -1,7 +1,9 @@
 //! What is told of a picture: silhouette, report, what a recut needs.
 
+use super::lit::Lit;
 use super::look::Seen;
 use super::mask::Connect;
+use super::pedestal;
 use super::place::{margin, place};
 use super::rect::Rect;
 use super::search::Scene;
@@ -12,6 +14,9 @@ use super::{ToneCurve, ToneSource, Uncut, distance, otsu_area, outline};
 
 /// A separability below this is worth a warning.
 const WEAK_SEPARABILITY: f64 = 0.7;
+/// The lens's blur is sought this far beside the pedestal, pixels, and is so much at least.
+const SIDE_PX: f64 = 40.0;
+const LEAST_BLUR_PX: f64 = 0.8;
 
 /// Places the outline by a tone curve, and states how.
 pub(super) fn finish(
@@ -49,7 +54,8 @@ pub(super) fn finish(
         whole.y1 = whole.y1.min(grain.y1.max(a).max(b) + around);
     }
     let near = body.bounds().map(|b| b.grown(margin(&b) + outline::reach(outline::WIDEST), &whole));
-    let lit = (scene, seen, curve);
+    let lens_px = lens_px(scene, seen, curve);
+    let lit = (scene, seen, curve, lens_px);
     let placed = (near.and_then(|near| place(lit, &body, &near, &whole)))
         .or_else(|| place(lit, &body, &whole, &whole))
         .ok_or(SilhouetteError::TooSmall { area_px: 0.0, limit_px: settings.min_area_px })?;
@@ -78,12 +84,34 @@ pub(super) fn finish(
         histogram: seen.histogram.clone(),
         plateaus: seen.plateaus.clone(),
         blur_px: placed.blur_px,
+        lens_px,
         symmetry: None,
         tail: None,
         rims: Vec::new(),
         unsure_px: seen.unsure_px,
         small: SmallCopy::default(),
     })
+}
+
+/// Standard deviation of the lens's blur, pixels, where the pedestal's sides show it. A difference of two colours has no light of its own.
+fn lens_px(scene: &Scene, seen: &Seen, curve: ToneCurve) -> Option<f64> {
+    let Seen { plane, pedestal, noise, threshold, .. } = seen;
+    let pedestal = pedestal.filter(|_| !scene.channel.is_difference())?;
+    let (centre, half) = pedestal.centre();
+    let top = pedestal.top_at(centre).max(0.0) as usize;
+    let reach = half + SIDE_PX;
+    let strip = Rect {
+        x0: (centre - reach).max(0.0) as usize,
+        x1: ((centre + reach).max(0.0) as usize).min(plane.width),
+        y0: top.min(plane.height),
+        y1: plane.height,
+    };
+    if strip.x0 >= strip.x1 || strip.y0 >= strip.y1 {
+        return None;
+    }
+    let pedestal = pedestal.seen_from([strip.x0, strip.y0]);
+    let lit = Lit::of(plane.part(&strip), scene, curve, None, [*threshold, *noise]);
+    pedestal::lens_blur_px(&lit.plane, &pedestal, lit.least_level, pedestal.blur.max(LEAST_BLUR_PX))
 }
 
 fn report(

@@ -67,7 +67,7 @@ pub use quality::{
     Bound, Check, Traits, Verdict, ViewQuality, ViewTraits, against, assess, between, sharpness,
 };
 pub use report::{PedestalOutline, Report, Side, ToneSource};
-pub use rim::{EdgeTail, LocalRim};
+pub use rim::{EdgeBlur, EdgeTail, LocalRim};
 pub use settings::{Classes, Holes, PedestalMode, Polarity, Settings};
 pub use source::{Grid, Source};
 pub use symmetry::EdgeSymmetry;

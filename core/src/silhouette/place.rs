@@ -42,7 +42,7 @@ pub(super) struct PlacedOutline {
 
 /// Places the outline about a body within a window of the region, of which `whole` matters. `None` where nothing is left of the body, or the window turns out to be too small for it.
 pub(super) fn place(
-    (scene, seen, curve): (&Scene, &Seen, ToneCurve),
+    (scene, seen, curve, lens_px): (&Scene, &Seen, ToneCurve, Option<f64>),
     body: &Mask,
     window: &Rect,
     whole: &Rect,
@@ -128,9 +128,7 @@ pub(super) fn place(
         let clear = CLEAR_OF_BLUR * blur_px;
         let open = |x: f64, y: f64| below_top(x, y).is_none_or(|d| d < -clear);
         let shown = (blur_px, least_level / CLEAR_OF_NOISE, scene.bright_grain);
-        // Before a dark background the pedestal is mostly too dim to show it.
-        let pedestal_px = pedestal.map(|p| p.blur).filter(|px| *px > 0.0 && !scene.bright_grain);
-        if let Some((fitted, lens_px)) = edge_fit::fitted(&plane, &field, shown, pedestal_px, open) {
+        if let Some((fitted, lens_px)) = edge_fit::fitted(&plane, &field, shown, lens_px, open) {
             (field, blur_px) = (fitted, lens_px.hypot(outline::SMOOTHED_PX));
         }
     }

@@ -14,12 +14,14 @@ use super::PedestalOutline;
 
 mod consensus;
 mod find;
+mod lens;
 mod standing;
 mod uncut;
 mod unmix;
 
 pub use consensus::{ConsensusValue, PedestalConsensus, pedestal_consensus};
 pub(super) use find::{find, near};
+pub(super) use lens::lens_blur_px;
 pub use standing::{SmallCopy, standing_pedestal};
 pub use uncut::Uncut;
 pub(super) use unmix::{mix, smoothed, unmix};
