@@ -25,6 +25,8 @@ const MOST_ROUNDS: [usize; 2] = [2, 12];
 const MOST_INWARDS: f64 = 2.2;
 /// Rounds after that.
 const HELD_ROUNDS: usize = 3;
+/// How much softer a dark grain's edge is than the pedestal's.
+const OF_PEDESTAL: f64 = 1.05;
 /// How often a root is drawn of levels beside the outline before they are averaged: grey values, light of a dark grain, light of a bright
 /// one, whose facets differ most.
 const ROOTS: [u32; 3] = [0, 1, 2];
@@ -128,6 +130,9 @@ pub(super) fn place(
         let clear = CLEAR_OF_BLUR * blur_px;
         let open = |x: f64, y: f64| below_top(x, y).is_none_or(|d| d < -clear);
         let shown = (blur_px, least_level / CLEAR_OF_NOISE, scene.bright_grain);
+        // A dark grain's edge is softer than the pedestal's by its own small unevenness.
+        let of_pedestal = || pedestal.map(|p| OF_PEDESTAL * p.blur).filter(|px| *px > 0.0);
+        let lens_px = if scene.bright_grain { lens_px } else { of_pedestal() };
         if let Some((fitted, lens_px)) = edge_fit::fitted(&plane, &field, shown, lens_px, open) {
             (field, blur_px) = (fitted, lens_px.hypot(outline::SMOOTHED_PX));
         }
