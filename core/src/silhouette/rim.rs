@@ -34,8 +34,8 @@ const EVERY: usize = 4;
 const LEAST_LOCAL: f64 = 8.0;
 /// Steps between which two points are told apart.
 const STEPS: [f64; 2] = [0.25, 0.98];
-/// By the lens's blur a step of this share and less has a rim, one of the other share and more has none, and between them a part of one: matt
-/// grains of the benchmark showed 0.81 and more, glossy and clear ones 0.78 and less.
+/// By the lens's blur a step of this share and less has a rim, one of the other share and more has none, and between them a part of one: set
+/// between the matt and the glossy and clear grains of the benchmark of pictures.
 const RIM: [f64; 2] = [0.8, 0.9];
 
 /// The blur of edges in a view.
