@@ -30,6 +30,8 @@ const BESIDE: [usize; 2] = [2, 5];
 const SHOWS: f64 = 0.75;
 const SHOWS_BEYOND_HELD: f64 = 0.5;
 const LITTLE: f64 = 0.5;
+/// … or than this share of what the part differs by next to its edge: beside a part that stands out, noise and a file's blocks are no halo.
+const LITTLE_OF_PART: f64 = 0.15;
 
 /// Where the grain can be: all rows before `rows`, and of the others what `at` (column, row) says.
 pub(super) struct Open<F> {
@@ -76,8 +78,8 @@ pub(super) fn add(
     let (w, h) = (grain.width, grain.height);
     let mut far = seen.dilated(FAR).complement();
     open.keep(&mut far);
-    let Some(usual) = usual(smooth, &far) else { return Added::default() };
-    let differs = ((BEYOND * f64::from(usual)) as i16).max(LEAST);
+    let Some(noise) = usual(smooth, &far) else { return Added::default() };
+    let differs = ((BEYOND * f64::from(noise)) as i16).max(LEAST);
     let others_too = smooth.iter().min().is_some_and(|v| *v < -threshold);
     if f64::from(threshold) < WORTHWHILE * f64::from(differs) && !others_too {
         return Added::default();
@@ -124,6 +126,11 @@ pub(super) fn add(
         }
         let mut closed = closed.closed(BESIDE[1]);
         holes::fill_all(&mut closed);
+        let mut rim = part.clone();
+        let inside = part.eroded(BESIDE[1]);
+        rim.bits.iter_mut().zip(&inside.bits).for_each(|(bit, inside)| *bit &= 1 - inside);
+        let by = usual(smooth, &rim).map_or(0.0, f64::from);
+        let at_most = (LITTLE * f64::from(differs)).max(LITTLE_OF_PART * by);
         let (mut beyond, mut little) = (0_usize, 0_usize);
         for y in 0..h {
             for x in 0..w {
@@ -133,8 +140,7 @@ pub(super) fn add(
                     && open.holds(x, y + BESIDE[1])
                 {
                     beyond += 1;
-                    little +=
-                        usize::from(f64::from(smooth[i].saturating_abs()) < LITTLE * f64::from(differs));
+                    little += usize::from(f64::from(smooth[i].saturating_abs()) < at_most);
                 }
             }
         }
