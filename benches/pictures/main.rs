@@ -20,6 +20,7 @@ mod light;
 mod plan;
 mod program;
 mod render;
+mod rig;
 mod scene;
 mod sets;
 mod shade;

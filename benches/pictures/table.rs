@@ -4,11 +4,15 @@ use super::compare::Compared;
 use super::plan::Row;
 use super::program::{Grade, Said, Verdicts};
 use super::render::Rendered;
+use super::rig::RigFigures;
 use std::fmt::Write as _;
 
 /// What the hull may differ from the ideal hull: on nearly all sets, and on all that are called good; points of the truth.
 const CLOSE: f64 = 1.0;
 const GOOD: f64 = 2.0;
+/// What roll and axis may be off by, degrees and pixels.
+const ROLL_DEG: f64 = 0.05;
+const AXIS_PX: f64 = 0.5;
 
 /// A set's figures. Volumes in per cent over the truth.
 pub struct Figures {
@@ -22,6 +26,7 @@ pub struct Figures {
     estimate: Option<f64>,
     interval: Option<[f64; 2]>,
     verdicts: Option<Verdicts>,
+    rig: Option<RigFigures>,
     failed: Option<String>,
     is_other: bool,
     seconds: f64,
@@ -30,7 +35,7 @@ pub struct Figures {
 /// The heading of [`Figures::line`].
 pub const HEADING: &str = concat!(
     "set                                seen %    IoU  worst (view)   area %  ideal %   hull-ideal  estimate",
-    "        interval %     truth  views g/d/b  grade     s  findings"
+    "        interval %     truth  views g/d/b    roll °  axis px  rise °  rim px  grade     s  findings"
 );
 
 impl Figures {
@@ -55,6 +60,7 @@ impl Figures {
             estimate: of("volume_estimate_mm3"),
             interval,
             verdicts: result.map(Verdicts::of),
+            rig: result.and_then(|r| RigFigures::new(row, set, r)),
             failed: said.result.as_ref().err().cloned(),
             is_other: outlines.iter().any(|c| c.is_other),
             seconds: said.seconds,
@@ -96,9 +102,12 @@ impl Figures {
         let interval = self.interval.map_or("-".into(), |[low, high]| format!("{low:+.1} … {high:+.1}"));
         let mark = |is: bool| if is { "in" } else { "OUT" };
         let views = self.verdicts.as_ref().map_or("-".into(), |v| v.views.map(|n| n.to_string()).join("/"));
+        let rig = self.rig.as_ref().map_or_else(String::new, |r| {
+            format!("{:+.3}  {:+7.2} {:+7.2} {:7.2}", r.roll.by, r.column.by, r.elevation.by, r.rim_px)
+        });
         let _ = write!(
             line,
-            " {:>10}{} {:>9} {interval:>17} {:>9} {views:>12}  {:<8} {:4.1}  {}{}",
+            " {:>10}{} {:>9} {interval:>17} {:>9} {views:>12}  {rig:>32}  {:<8} {:4.1}  {}{}",
             number(self.off()),
             if self.is_within(CLOSE) { " " } else { "!" },
             number(self.estimate),
@@ -134,6 +143,13 @@ impl Figures {
             views[1].to_string(),
             views[2].to_string(),
             self.grade().map_or("none", Grade::name).to_owned(),
+            number(self.rig.as_ref().map(|r| r.roll.by)),
+            number(self.rig.as_ref().map(|r| r.roll.sigma)),
+            number(self.rig.as_ref().map(|r| r.column.by)),
+            number(self.rig.as_ref().map(|r| r.column.sigma)),
+            number(self.rig.as_ref().map(|r| r.elevation.by)),
+            number(self.rig.as_ref().map(|r| r.elevation.sigma)),
+            number(self.rig.as_ref().map(|r| r.rim_px)),
             text(self.findings()),
             number(Some(self.seconds)),
             text(self.failed.as_slice()),
@@ -148,7 +164,8 @@ pub fn csv(all: &[Figures]) -> String {
     let heading = "set,outline_seen_percent,iou_mean,iou_worst,worst_view,area_percent,ideal_percent,hull_percent,\
                    hull_minus_ideal_points,\
                    estimate_percent,interval_low_percent,interval_high_percent,truth_in_interval,views_good,\
-                   views_doubtful,views_bad,grade,findings,seconds,no_result,warnings";
+                   views_doubtful,views_bad,grade,roll_off_deg,roll_sigma_deg,axis_off_px,axis_sigma_px,\
+                   elevation_off_deg,elevation_sigma_deg,rim_px,findings,seconds,no_result,warnings";
     all.iter().fold(format!("{heading}\n"), |text, f| text + &f.cells() + "\n")
 }
 
@@ -168,6 +185,12 @@ pub fn summary(all: &[Figures]) -> String {
     let mut out = share("hull within 1 point of the ideal hull", &|f| f.is_within(CLOSE));
     out += &share("hull within 2 points of the ideal hull", &|f| f.is_within(GOOD));
     out += &share("truth in the interval", &|f| f.holds_truth());
+    let rig = |is: fn(&RigFigures) -> bool| move |f: &&Figures| f.rig.as_ref().is_some_and(is);
+    out += &share("roll within 0.05°", &rig(|r| r.roll.is_within(ROLL_DEG)));
+    out += &share("axis within 0.5 px", &rig(|r| r.column.is_within(AXIS_PX)));
+    out += &share("roll within two stated uncertainties", &rig(|r| r.roll.is_stated()));
+    out += &share("axis within two stated uncertainties", &rig(|r| r.column.is_stated()));
+    out += &share("elevation within two stated uncertainties", &rig(|r| r.elevation.is_stated()));
     out += &share("no result at all", &|f| f.failed.is_some());
     out += &share("called good", &is_good);
     let wrong = names(&|f| is_good(f) && !f.is_within(GOOD));

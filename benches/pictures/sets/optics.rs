@@ -1,6 +1,6 @@
 //! Sizes, blur, noise, files, colours, dirt, and where the camera is.
 
-use super::shapes::{ANGULAR, CRUSHED, FACETS, FLAT, ROUND};
+use super::shapes::{ANGULAR, CRUSHED, ELLIPSOID, FACETS, FLAT, ROUND};
 use crate::plan::{Camera, Curve, Hair, Pose, Row};
 
 /// The sets.
@@ -20,6 +20,13 @@ pub fn rows() -> Vec<Row> {
         Row::new("blur_2_5", CRUSHED).blur(2.5, 0.0),
         Row::new("opaque_80_px_linear", FLAT).size(1.0, 80.0).curve(Curve::Linear),
         Row::new("near_camera_pitch", ANGULAR[3]).camera(60.0, -1.0, 1.5),
+        Row::new("near_camera_down", CRUSHED).camera(80.0, -3.0, -3.0),
+        Row::new("far_camera_up", ANGULAR[0]).camera(200.0, 4.0, 1.0),
+        Row::new("small_grain_camera_up", CRUSHED).size(0.8, 60.0).camera(100.0, 3.0, 0.0),
+        Row::new("cloudy_telecentric_up", ELLIPSOID)
+            .clear(8.0)
+            .camera(0.0, 2.0, 0.5)
+            .pose(Pose::Tipped(30.0)),
         Row::new("hair_touching", ROUND).dirt(5, 0, Some(Hair::Touching)).pose(Pose::Tipped(25.0)),
         Row::new("png_sharp_no_noise", ANGULAR[2]).file(0, 0.0).blur(0.45, 0.0),
         Row::new("red_grain_blue_background", ANGULAR[0]).colour([0.95, 1.0, 1.0], [1.0, 0.35, 0.25]).with(
