@@ -112,7 +112,7 @@ fn paired(views: &[Sample], angles: &[f64], line: &AxisLine, further: f64) -> Ve
         return Vec::new();
     }
     let outlines: Vec<&Silhouette> = views.iter().map(|v| v.silhouette).collect();
-    let Some(profiles) = Profiles::read(&outlines, line, HEIGHTS) else { return Vec::new() };
+    let Some(profiles) = Profiles::read(&outlines, line, HEIGHTS, &|_, z| z) else { return Vec::new() };
     pairs.iter().filter_map(|(views, met)| closing(*views, met, angles, &profiles)).collect()
 }
 
@@ -327,7 +327,7 @@ mod tests {
         let silhouettes: Vec<Silhouette> =
             true_angles.iter().enumerate().map(|(i, a)| seen(*a, shift(i))).collect();
         let views: Vec<Sample> =
-            silhouettes.iter().map(|silhouette| Sample { silhouette, pedestal: None }).collect();
+            silhouettes.iter().map(|silhouette| Sample { silhouette, pedestal: None, top: &[] }).collect();
         closings(&views, nominal, &LINE)
     }
 

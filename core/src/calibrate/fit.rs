@@ -8,50 +8,24 @@
 //! are generalised least squares with a prior for what a motor and a bearing do.
 
 use super::profile::{AxisLine, Profiles};
-use super::support::{Grid, Hyper, Sums};
+use super::round::{Depths, ELEVATION, RECIPROCAL, ROLL, Rays, Read, Round, SHARED, STEP};
+use super::support::Hyper;
 use crate::silhouette::Silhouette;
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{DMatrix, DVector};
 
 /// Heights that are compared, and samples in all: more cost more than they add.
 const HEIGHTS: usize = 48;
 const SAMPLES: usize = 6000;
 /// Standard deviation of one view's angle: a stepper's ±5 % of a full step, evenly spread, as a share of the step.
 pub(super) const VIEW_SIGMA_STEPS: f64 = 0.05 / 1.732_050_8;
-/// Nobody mounts a camera worse: roll and elevation (radians), and how far a camera is (grain heights away).
-const ROLL_SIGMA_RAD: f64 = 0.2;
-const ELEVATION_SIGMA_RAD: f64 = 0.1;
-const NEAREST_HEIGHTS: f64 = 2.0;
-/// The axis' column before it is measured, and the pedestal's eccentricity, pixels.
-const COLUMN_SIGMA_PX: f64 = 1e3;
-const PEDESTAL_ECCENTRICITY_PX: f64 = 50.0;
-/// How far a tube is from parallel to the axis, and the least scatter of its lean that is believed, radians.
-const PEDESTAL_TILT_RAD: f64 = 0.01;
-const LEAST_LEAN_SIGMA_RAD: f64 = 1e-4;
-/// What a straight edge may be off by at either end, pixels (standard deviation).
-const EDGE_PX: f64 = 0.03;
-/// Indices of the parameters: c, roll, q, p, the step size's excess as a share of it, then every view's shift, then every
-/// view's angle.
-pub(super) const ROLL: usize = 1;
-pub(super) const RECIPROCAL: usize = 2;
-pub(super) const ELEVATION: usize = 3;
-pub(super) const STEP: usize = 4;
-pub(super) const SHARED: usize = 5;
-/// The least radial runout believed, pixels: with a pedestal to see it by, and without.
-const LEAST_RUNOUT_PX: [f64; 2] = [0.02, 0.25];
-/// The step size is held as tight as this: it is a parameter only for the others' change with it. Where it was free, the
-/// likelihood took a grain's corners for angles: on 24 misread rigs (`tests/calibration`) the last view's angle was off by up
-/// to 2.1°, with a standard deviation of 0.2°.
-const STEP_HELD: f64 = 1e-7;
 /// The slices of a real grain are not quite what the random functions are: uncertainties are this much larger than
 /// the equations give (measured over many simulated rigs: see `tests/calibration`).
 pub(super) const MODEST: f64 = 1.6;
-/// Noise that is taken off the slopes that shape the equations, pixels (standard deviation).
-const FOLLOWED_PX: f64 = 0.1;
-/// Rounds of linearising in which the spreads are sought, and rounds of each search.
+/// Rounds of linearising in which the spreads are sought.
 const SEARCHED_ROUNDS: usize = 2;
-const SEARCH_ROUNDS: usize = 6;
-/// Fewest pedestals that are used.
-const LEAST_PEDESTALS: usize = 6;
+/// More rounds while the rays change by more than this, radians.
+const MORE_ROUNDS: usize = 9;
+const SETTLED_RAD: f64 = 2e-4;
 
 /// A view for the fit.
 #[derive(Debug, Clone, Copy)]
@@ -59,6 +33,8 @@ pub(super) struct Sample<'a> {
     pub silhouette: &'a Silhouette,
     /// The pedestal, where it was seen.
     pub pedestal: Option<PedestalObservation>,
+    /// The outline's upper side (see [`super::frontier`]).
+    pub top: &'a [[f64; 2]],
 }
 
 /// The pedestal observed in one picture: position of its top, lean of its sides.
@@ -112,6 +88,8 @@ pub(super) struct Fit {
     pub height_px: f64,
     /// The reaches, freed of everything but the grain's shape, `[sample, height]`.
     pub shape: DMatrix<f64>,
+    /// Where the rims lie.
+    pub depths: Depths,
     /// Residual of every view, pixels.
     pub residuals_px: Vec<f64>,
     /// Mean reach, pixels.
@@ -122,6 +100,16 @@ impl Fit {
     /// Standard deviation of parameter `k`: what the equations give and what the step size makes of it, so many times over.
     pub(super) fn sigma(&self, k: usize, modest: f64) -> f64 {
         modest * self.own_sigma(k).hypot(self.with_step(k) * self.step_sigma)
+    }
+
+    /// Parameter `k` where another is taken for a value, its standard deviation then as [`Fit::sigma`] has it, and how much it changes with
+    /// the other.
+    pub(super) fn given(&self, k: usize, (other, value): (usize, f64), modest: f64) -> (f64, f64, f64) {
+        let slope = self.covariance[(k, other)] / self.covariance[(other, other)].max(f64::MIN_POSITIVE);
+        let rest = (self.covariance[(k, k)] - slope * self.covariance[(k, other)]).max(0.0);
+        let with_step = self.with_step(k) - slope * self.with_step(other);
+        let at = self.parameters[k] + slope * (value - self.parameters[other]);
+        (at, modest * rest.sqrt().hypot(with_step * self.step_sigma), slope)
     }
 
     pub(super) fn views(&self) -> usize {
@@ -153,26 +141,6 @@ impl Fit {
     }
 }
 
-/// One round's equations.
-struct Round<'a> {
-    grid: Grid,
-    /// −1 for reaches to the left, 1 to the right.
-    side: Vec<f64>,
-    y: DMatrix<f64>,
-    regressors: Vec<DMatrix<f64>>,
-    /// Both as the grid wants them for its sums.
-    rotated: (DMatrix<f64>, Vec<DMatrix<f64>>),
-    /// Pedestals' positions right of the line, and their leans beyond the line's, by view.
-    pedestals: Vec<(usize, f64, f64)>,
-    /// Standard deviation of a lean, radians: a view's own, and what all share.
-    lean_sigma_rad: [f64; 2],
-    angles: &'a [f64],
-    /// Of the shared parameters.
-    priors: [Prior; SHARED],
-    /// Standard deviation of a view's own angle, radians.
-    view_sigma_rad: f64,
-}
-
 /// What a search for the most likely spreads starts from, or what stands instead of one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Spreads {
@@ -184,27 +152,51 @@ pub(super) enum Spreads {
     Known(Hyper),
 }
 
-/// Fits all views at these (signed) angles, from a first line, in so many rounds of linearising.
+/// What linearising starts from.
+#[derive(Clone, Copy)]
+pub(super) enum Start<'a> {
+    /// Level and parallel rays before this line.
+    Line(&'a AxisLine),
+    /// Line and rays of another fit of the same views.
+    Fit(&'a Fit),
+}
+
+/// Fits all views at these (signed) angles, in so many rounds of linearising and more where the rays have not settled.
 pub(super) fn fit(
     views: &[Sample],
     angles: &[f64],
     priors: &Priors,
-    start: &AxisLine,
+    start: Start,
     spreads: Spreads,
     rounds: usize,
 ) -> Option<Fit> {
     let n = views.len();
     let outlines: Vec<&Silhouette> = views.iter().map(|v| v.silhouette).collect();
-    let mut line = *start;
     let mut parameters = DVector::zeros(SHARED + 2 * n);
+    let (mut line, mut depths) = match start {
+        Start::Line(line) => (*line, None),
+        Start::Fit(before) => {
+            for k in [RECIPROCAL, ELEVATION] {
+                parameters[k] = before.parameters[k];
+            }
+            (before.line, Some(before.depths.clone()))
+        }
+    };
     let (mut hyper, search) = match spreads {
         Spreads::Sought => (None, true),
         Spreads::SoughtFrom(h) => (Some(h), true),
         Spreads::Known(h) => (Some(h), false),
     };
     let mut fitted = None;
-    for round in 0..rounds {
-        let profiles = Profiles::read(&outlines, &line, HEIGHTS.min(SAMPLES / (2 * n)).max(8))?;
+    let mut sought_again = false;
+    for round in 0..rounds + MORE_ROUNDS {
+        let rays: Rays = [RECIPROCAL, ELEVATION].map(|k| parameters[k]);
+        let heights = HEIGHTS.min(SAMPLES / (2 * n)).max(8);
+        let seen_at = |sample: usize, z: f64| {
+            let depth = depths.as_ref().map_or(0.0, |d| d.at(sample, z));
+            (z - rays[1] * depth) / (1.0 + rays[0] * depth)
+        };
+        let profiles = Profiles::read(&outlines, &line, heights, &seen_at)?;
         let mean_reach_px = profiles.reach_px.iter().sum::<f64>() / profiles.reach_px.len() as f64;
         let mut spread = hyper.unwrap_or(Hyper {
             curvature_px: (0.2 * mean_reach_px).max(1.0),
@@ -214,8 +206,9 @@ pub(super) fn fit(
             runout_px: 0.3,
             pedestal_px: 0.1,
         });
-        let equations = Round::new(views, angles, priors, &line, &profiles, &parameters, &spread)?;
-        if search && round < SEARCHED_ROUNDS {
+        let read = Read { profiles: &profiles, rays, depths: depths.as_ref() };
+        let equations = Round::new(views, angles, priors, &line, &read, &parameters, &spread)?;
+        if search && (round < SEARCHED_ROUNDS || sought_again) {
             spread = equations.search(spread);
         }
         hyper = Some(spread);
@@ -224,7 +217,8 @@ pub(super) fn fit(
         line.column_px += parameters[0];
         line.roll_rad += parameters[ROLL];
         let shape = equations.shape(&parameters);
-        let [smooth, _] = equations.grid.smoothed(&shape, &spread)?;
+        let [smooth, along] = equations.grid.smoothed(&shape, &spread)?;
+        let px = DMatrix::from_fn(2 * n, along.ncols(), |i, k| -equations.side[i] * along[(i, k)]);
         let rest = &shape - smooth;
         let residuals_px = (0..n)
             .map(|i| {
@@ -232,7 +226,7 @@ pub(super) fn fit(
                 (own / (2 * rest.ncols()) as f64).sqrt()
             })
             .collect();
-        fitted = Some(Fit {
+        let made = Fit {
             line,
             parameters: parameters.clone(),
             covariance: solved.covariance,
@@ -240,239 +234,22 @@ pub(super) fn fit(
             hyper: spread,
             height_px: profiles.height_px,
             shape,
+            depths: Depths { z_px: profiles.z_px.clone(), px },
             residuals_px,
             mean_reach_px,
-        });
+        };
+        let moved =
+            |k: usize, over: f64| (made.parameters[k] - rays[usize::from(k == ELEVATION)]).abs() * over;
+        let has_settled = moved(RECIPROCAL, mean_reach_px) + moved(ELEVATION, 1.0) < SETTLED_RAD;
+        depths = Some(made.depths.clone());
+        fitted = Some(made);
+        if round + 1 >= rounds && has_settled {
+            // Where the rays took long to settle, the spreads were sought with others.
+            if !search || sought_again || round + 1 == rounds {
+                break;
+            }
+            sought_again = true;
+        }
     }
     fitted
-}
-
-/// One of the spreads, to be changed.
-type Entry = fn(&mut Hyper) -> &mut f64;
-
-struct Solved {
-    parameters: DVector<f64>,
-    covariance: DMatrix<f64>,
-    /// Logarithm of the marginal likelihood, but for a constant.
-    log_likelihood: f64,
-}
-
-impl<'a> Round<'a> {
-    fn new(
-        views: &[Sample],
-        angles: &'a [f64],
-        priors: &Priors,
-        line: &AxisLine,
-        profiles: &Profiles,
-        parameters: &DVector<f64>,
-        hyper: &Hyper,
-    ) -> Option<Self> {
-        let (n, m) = (views.len(), profiles.z_px.len());
-        let t: Vec<f64> =
-            angles.iter().map(|a| a + std::f64::consts::PI).chain(angles.iter().copied()).collect();
-        let side: Vec<f64> = (0..2 * n).map(|i| if i < n { -1.0 } else { 1.0 }).collect();
-        let grid = Grid::new(t, profiles.z_px.clone());
-        let y = DMatrix::from_row_slice(2 * n, m, &profiles.reach_px);
-        let mut round = Self {
-            grid,
-            side,
-            y,
-            regressors: Vec::new(),
-            rotated: (DMatrix::zeros(0, 0), Vec::new()),
-            pedestals: Vec::new(),
-            lean_sigma_rad: [LEAST_LEAN_SIGMA_RAD; 2],
-            angles,
-            priors: [Prior { value: 0.0, sigma: 1.0 }; SHARED],
-            view_sigma_rad: priors.view_sigma_rad(),
-        };
-        // The slopes of the shape as it is known so far shape the equations.
-        // An edge that moved is better followed than smoothed away: it would flatten the slopes.
-        let close = Hyper { edge_px: FOLLOWED_PX, noise_px: FOLLOWED_PX, ..*hyper };
-        let [h, along] = round.grid.smoothed(&round.y, &close)?;
-        round.regress(&h, &along, &profiles.z_px);
-        // What the line has taken up is no longer in the reaches.
-        let mut known = parameters.clone();
-        (known[0], known[ROLL]) = (0.0, 0.0);
-        if known.iter().any(|x| *x != 0.0) {
-            let [h, along] = round.grid.smoothed(&round.shape(&known), &close)?;
-            round.regress(&h, &along, &profiles.z_px);
-        }
-        round.rotated =
-            (round.grid.rotated(&round.y), round.regressors.iter().map(|x| round.grid.rotated(x)).collect());
-        let height = profiles.height_px;
-        let open = |sigma: f64| Prior { value: 0.0, sigma };
-        let shifted = |p: Prior, by: f64| Prior { value: p.value - by, ..p };
-        round.priors = [
-            priors.column_px.map_or(open(COLUMN_SIGMA_PX), |p| shifted(p, line.column_px)),
-            priors.roll_rad.map_or(open(ROLL_SIGMA_RAD), |p| shifted(p, line.roll_rad)),
-            priors.reciprocal.unwrap_or(open(1.0 / (NEAREST_HEIGHTS * height))),
-            open(ELEVATION_SIGMA_RAD),
-            open(STEP_HELD),
-        ];
-        let seen = views.iter().enumerate().filter_map(|(i, v)| v.pedestal.map(|p| (i, p)));
-        round.pedestals =
-            seen.map(|(i, p)| (i, line.coordinates(p.top_px)[0], p.lean_rad - line.roll_rad)).collect();
-        if round.pedestals.len() < LEAST_PEDESTALS {
-            round.pedestals.clear();
-        }
-        let mut jumps: Vec<f64> = round.pedestals.windows(2).map(|w| (w[1].2 - w[0].2).abs()).collect();
-        jumps.sort_by(f64::total_cmp);
-        // Of neighbours' differences, whose median is 0.954 standard deviations.
-        let scatter = jumps.get(jumps.len() / 2).map_or(0.0, |j| j / 0.954);
-        let length =
-            views.iter().filter_map(|v| v.pedestal).map(|p| p.length_px).fold(f64::INFINITY, f64::min);
-        round.lean_sigma_rad =
-            [scatter, 2.0 * EDGE_PX / length.max(0.01)].map(|s| s.max(LEAST_LEAN_SIGMA_RAD));
-        Some(round)
-    }
-
-    /// The regressors of all parameters, from the shape `h` and its derivative along t.
-    fn regress(&mut self, h: &DMatrix<f64>, along: &DMatrix<f64>, z: &[f64]) {
-        let (rows, m) = h.shape();
-        let n = rows / 2;
-        let pitch = (z[m - 1] - z[0]) / (m - 1) as f64;
-        let up = DMatrix::from_fn(rows, m, |i, k| {
-            let (a, b) = (k.saturating_sub(1), (k + 1).min(m - 1));
-            (h[(i, b)] - h[(i, a)]) / ((b - a) as f64 * pitch)
-        });
-        self.grid.incline(&up);
-        let side = &self.side;
-        let of = |f: &dyn Fn(usize, usize) -> f64| DMatrix::from_fn(rows, m, f);
-        self.regressors = vec![
-            of(&|i, _| side[i]),
-            of(&|i, k| -side[i] * (z[k] + h[(i, k)] * up[(i, k)])),
-            of(&|i, k| side[i] * along[(i, k)] * (h[(i, k)] - z[k] * up[(i, k)])),
-            of(&|i, k| -side[i] * along[(i, k)] * up[(i, k)]),
-            of(&|i, k| (self.angles[i % n] - self.angles[0]) * along[(i, k)]),
-        ];
-        for v in 0..n {
-            self.regressors.push(of(&|i, _| if i % n == v { side[i] } else { 0.0 }));
-        }
-        for v in 0..n {
-            self.regressors.push(of(&|i, k| if i % n == v { along[(i, k)] } else { 0.0 }));
-        }
-    }
-
-    /// The reaches, freed of everything but the shape.
-    fn shape(&self, parameters: &DVector<f64>) -> DMatrix<f64> {
-        let mut shape = self.y.clone();
-        for (x, p) in self.regressors.iter().zip(parameters.iter()) {
-            shape -= x * *p;
-        }
-        shape
-    }
-
-    fn prior(&self, k: usize, hyper: &Hyper) -> Prior {
-        let n = self.angles.len();
-        match k {
-            _ if k < SHARED => self.priors[k],
-            _ if k < SHARED + n => Prior { value: 0.0, sigma: hyper.runout_px },
-            _ => Prior { value: 0.0, sigma: self.view_sigma_rad },
-        }
-    }
-
-    fn sums(&self, hyper: &Hyper) -> Option<Sums> {
-        self.grid.sums(&self.rotated.0, &self.rotated.1, hyper)
-    }
-
-    fn solve(&self, hyper: &Hyper) -> Option<Solved> {
-        self.solved(self.sums(hyper)?, hyper)
-    }
-
-    /// With the sums of the reaches (whatever the views' shifts and the pedestal scatter by), all that is known beforehand.
-    fn solved(&self, mut all: Sums, hyper: &Hyper) -> Option<Solved> {
-        let mut log_prior = 0.0;
-        for k in 0..all.right.len() {
-            let Prior { value, sigma } = self.prior(k, hyper);
-            let weight = sigma.powi(-2);
-            all.normal[(k, k)] += weight;
-            all.right[k] += weight * value;
-            all.square += weight * value * value;
-            log_prior += weight.ln();
-        }
-        self.add_pedestals(&mut all, hyper)?;
-        let cholesky = Cholesky::new(all.normal.clone())?;
-        let parameters = cholesky.solve(&all.right);
-        let log_det: f64 = 2.0 * cholesky.l().diagonal().iter().map(|d| d.ln()).sum::<f64>();
-        let log_likelihood =
-            -0.5 * (all.square - parameters.dot(&all.right) + all.log_det - log_prior + log_det);
-        Some(Solved { parameters, covariance: cholesky.inverse(), log_likelihood })
-    }
-
-    /// A pedestal that stands a little off the axis goes round once with the grain; beyond that its positions are the
-    /// axis' column and the views' shifts.
-    fn add_pedestals(&self, all: &mut Sums, hyper: &Hyper) -> Option<()> {
-        let count = self.pedestals.len();
-        if count == 0 {
-            return Some(());
-        }
-        let angle = |k: usize| self.angles[self.pedestals[k].0];
-        let c = DMatrix::from_fn(count, count, |i, j| {
-            let noise = if i == j { hyper.pedestal_px.powi(2) } else { 0.0 };
-            noise + PEDESTAL_ECCENTRICITY_PX.powi(2) * (angle(i) - angle(j)).cos()
-        });
-        let mut x = DMatrix::zeros(count, all.right.len());
-        for (k, (view, ..)) in self.pedestals.iter().enumerate() {
-            x[(k, 0)] = 1.0;
-            x[(k, SHARED + view)] = 1.0;
-        }
-        let y = DVector::from_iterator(count, self.pedestals.iter().map(|p| p.1));
-        all.add(&x, &y, c)?;
-        // A tube that is not parallel to the axis leans now to one side, now to the other.
-        let c = DMatrix::from_fn(count, count, |i, j| {
-            let noise = if i == j { self.lean_sigma_rad[0].powi(2) } else { 0.0 };
-            noise + self.lean_sigma_rad[1].powi(2) + PEDESTAL_TILT_RAD.powi(2) * (angle(i) - angle(j)).cos()
-        });
-        let mut x = DMatrix::zeros(count, all.right.len());
-        x.column_mut(ROLL).fill(1.0);
-        let y = DVector::from_iterator(count, self.pedestals.iter().map(|p| p.2));
-        all.add(&x, &y, c)
-    }
-
-    /// The spreads that make the data most likely: one after another, by steps that shrink.
-    fn search(&self, start: Hyper) -> Hyper {
-        let with_pedestals = !self.pedestals.is_empty();
-        let least_runout = LEAST_RUNOUT_PX[usize::from(!with_pedestals)];
-        let likelihood = |sums: Option<Sums>, h: &Hyper| {
-            sums.and_then(|s| self.solved(s, h)).map_or(f64::NEG_INFINITY, |s| s.log_likelihood)
-        };
-        let entries: [(Entry, f64, f64); 6] = [
-            (|h| &mut h.curvature_px, 0.1, 1e4),
-            (|h| &mut h.edge_px, 0.02, 10.0),
-            (|h| &mut h.noise_px, 0.01, 5.0),
-            (|h| &mut h.runout_px, least_runout, 20.0),
-            (|h| &mut h.alike, 0.02, 3.0),
-            (|h| &mut h.pedestal_px, 0.03, 5.0),
-        ];
-        let open = if with_pedestals { 6 } else { 5 };
-        let mut steps = [1.6f64; 6];
-        let mut best = Hyper { runout_px: start.runout_px.max(least_runout), ..start };
-        let mut sums = self.sums(&best);
-        let mut greatest = likelihood(sums.clone(), &best);
-        for _ in 0..SEARCH_ROUNDS {
-            for (k, (entry, least, most)) in entries.iter().take(open).enumerate() {
-                let mut moved = false;
-                for factor in [steps[k], 1.0 / steps[k]] {
-                    let mut next = best;
-                    let value = entry(&mut next);
-                    *value = (*value * factor).clamp(*least, *most);
-                    if next == best {
-                        continue;
-                    }
-                    // What the views' shifts and the pedestal scatter by is no matter of the reaches.
-                    let beside = Hyper { runout_px: best.runout_px, pedestal_px: best.pedestal_px, ..next };
-                    let next_sums = if beside == best { sums.clone() } else { self.sums(&next) };
-                    let l = likelihood(next_sums.clone(), &next);
-                    if l > greatest + 1e-3 {
-                        (best, sums, greatest, moved) = (next, next_sums, l, true);
-                        break;
-                    }
-                }
-                if !moved {
-                    steps[k] = steps[k].powf(0.6);
-                }
-            }
-        }
-        best
-    }
 }

@@ -32,7 +32,14 @@
 //! r = h(t, z) + s (δc + b) − s ρ (z + h h_z) + s q h′ (h − z h_z) − s ε h′ h_z + α h′
 //! ```
 //!
-//! with h a random function of t and z (`support.rs`); δc and ρ are corrections to the line that the reaches are read about.
+//! with h a random function of t and z (`support.rs`); δc and ρ are corrections to the line that the reaches are read about, and what is
+//! known of q and ε is taken out exactly before (`round.rs`).
+//!
+//! **Frontier points** (`frontier.rs`): two views Δ apart are touched from above at pictures of one point, v downwards,
+//!
+//! ```text
+//! min (v₁ + a u₁) = min (v₂ − a u₂),   a = (ε + q z) tan ½Δ   at the top's height z
+//! ```
 //!
 //! **Closing views** (`closing.rs`): two views that see the same outline, Δ apart by the stage, where the grain turned by Δ + δ:
 //!
@@ -50,10 +57,13 @@ mod ball;
 mod calibration;
 mod closing;
 mod fit;
+mod frontier;
 mod measured;
 mod pin;
 mod profile;
 mod refine;
+mod rig;
+mod round;
 mod scale;
 mod support;
 mod turning;

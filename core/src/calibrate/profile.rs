@@ -46,13 +46,24 @@ pub(super) struct Profiles {
     /// `[sample, height]`, row-major: how far the grain reaches from the axis, first to the left in every view, then
     /// to the right in every view, pixels.
     pub reach_px: Vec<f64>,
+    /// The same of the heights in the picture at which they were read, pixels.
+    pub seen_px: Vec<f64>,
     /// Whole height that all views share, pixels.
     pub height_px: f64,
 }
 
+/// How far apart in height a reach may be read from where it is sought, as a share of what is left out above and below.
+const MOST_APART: f64 = 0.8;
+
 impl Profiles {
-    /// Reads `heights` heights at most; `None` where the views share too few rows.
-    pub(super) fn read(views: &[&Silhouette], line: &AxisLine, heights: usize) -> Option<Self> {
+    /// Reads `heights` heights at most; `None` where the views share too few rows. `seen_at` tells at which height of the picture a
+    /// sample's point of a height is seen, as near as can be.
+    pub(super) fn read(
+        views: &[&Silhouette],
+        line: &AxisLine,
+        heights: usize,
+        seen_at: &(impl Fn(usize, f64) -> f64 + Sync),
+    ) -> Option<Self> {
         let ranges = views.iter().map(|s| height_range(s, line)).collect::<Option<Vec<_>>>()?;
         let low = ranges.iter().map(|r| r[0]).fold(f64::NEG_INFINITY, f64::max);
         let high = ranges.iter().map(|r| r[1]).fold(f64::INFINITY, f64::min);
@@ -65,15 +76,21 @@ impl Profiles {
         }
         let pitch = (high - low) / count as f64;
         let z_px: Vec<f64> = (0..count).map(|k| low + (k as f64 + 0.5) * pitch).collect();
-        let both = |s: &Silhouette| -> Option<Vec<[f64; 2]>> {
-            (z_px.iter())
-                .map(|z| {
+        let most =
+            MOST_APART * [LEFT_OUT.0, LEFT_OUT.1].map(margin).into_iter().fold(f64::INFINITY, f64::min);
+        let seen_px: Vec<f64> = (0..2 * views.len())
+            .flat_map(|sample| z_px.iter().map(move |z| z + (seen_at(sample, *z) - z).clamp(-most, most)))
+            .collect();
+        let both = |view: usize| -> Option<Vec<[f64; 2]>> {
+            (0..count)
+                .map(|k| {
                     let mut sum = [0.0; 2];
-                    for k in 0..LINES {
-                        let at = z + ((k as f64 + 0.5) / LINES as f64 - 0.5) * pitch;
-                        let ends = extents(s, line, at)?;
-                        sum[0] -= ends[0];
-                        sum[1] += ends[1];
+                    for line_of in 0..LINES {
+                        let beside = ((line_of as f64 + 0.5) / LINES as f64 - 0.5) * pitch;
+                        for (side, sense) in [-1.0, 1.0].into_iter().enumerate() {
+                            let z = seen_px[(side * views.len() + view) * count + k] + beside;
+                            sum[side] += sense * end(views[view], line, z, sense)?;
+                        }
                     }
                     Some(sum.map(|s| s / LINES as f64))
                 })
@@ -81,10 +98,10 @@ impl Profiles {
         };
         let read = {
             use rayon::prelude::*;
-            views.par_iter().map(|s| both(s)).collect::<Option<Vec<_>>>()?
+            (0..views.len()).into_par_iter().map(both).collect::<Option<Vec<_>>>()?
         };
         let reach_px = (0..2).flat_map(|side| read.iter().flatten().map(move |ends| ends[side])).collect();
-        Some(Self { z_px, reach_px, height_px })
+        Some(Self { z_px, reach_px, seen_px, height_px })
     }
 }
 
@@ -102,40 +119,38 @@ fn height_range(s: &Silhouette, line: &AxisLine) -> Option<[f64; 2]> {
     range
 }
 
-/// Where the grain begins and ends along a line across the axis, pixels right of the axis.
-fn extents(s: &Silhouette, line: &AxisLine, z: f64) -> Option<[f64; 2]> {
+/// Where the grain ends along a line across the axis, to the left (sense −1) or to the right (1), pixels right of the axis.
+fn end(s: &Silhouette, line: &AxisLine, z: f64, sense: f64) -> Option<f64> {
     let (w, h) = (s.size[0] as f64, s.size[1] as f64);
     let corner = |x: f64, y: f64| line.coordinates([s.origin[0] as f64 + x, s.origin[1] as f64 + y])[0];
     let corners = [corner(0.0, 0.0), corner(w, 0.0), corner(0.0, h), corner(w, h)];
-    let low = corners.into_iter().fold(f64::INFINITY, f64::min).floor();
-    let high = corners.into_iter().fold(f64::NEG_INFINITY, f64::max).ceil();
+    let outmost =
+        |sense: f64| sense * corners.map(|c| sense * c).into_iter().fold(f64::NEG_INFINITY, f64::max).ceil();
     let at = |u: f64| s.signed_distance_px(line.pixel(u, z));
     // Outside, the distance is a lower bound of how far the outline is: no smaller step can miss it.
-    let from = |start: f64, sense: f64, end: f64| -> Option<f64> {
-        let (mut u, mut d) = (start, at(start));
-        loop {
-            let next = u + sense * (0.9 * d).max(0.5);
-            if (next - end) * sense > 0.0 {
-                return None;
-            }
-            let e = at(next);
-            if e < 0.0 {
-                // Between two points: false position on a field that is nearly linear.
-                let (mut a, mut b) = ((u, d), (next, e));
-                for _ in 0..4 {
-                    let x = a.0 + (b.0 - a.0) * a.1 / (a.1 - b.1);
-                    let m = at(x);
-                    if m < 0.0 { b = (x, m) } else { a = (x, m) }
-                }
-                return Some(a.0 + (b.0 - a.0) * a.1 / (a.1 - b.1));
-            }
-            (u, d) = (next, e);
-        }
-    };
-    if at(low) < 0.0 || at(high) < 0.0 {
+    let (mut u, last) = (outmost(sense), outmost(-sense));
+    let mut d = at(u);
+    if d < 0.0 {
         return None;
     }
-    Some([from(low, 1.0, high)?, from(high, -1.0, low)?])
+    loop {
+        let next = u - sense * (0.9 * d).max(0.5);
+        if (last - next) * sense > 0.0 {
+            return None;
+        }
+        let e = at(next);
+        if e < 0.0 {
+            // Between two points: false position on a field that is nearly linear.
+            let (mut a, mut b) = ((u, d), (next, e));
+            for _ in 0..4 {
+                let x = a.0 + (b.0 - a.0) * a.1 / (a.1 - b.1);
+                let m = at(x);
+                if m < 0.0 { b = (x, m) } else { a = (x, m) }
+            }
+            return Some(a.0 + (b.0 - a.0) * a.1 / (a.1 - b.1));
+        }
+        (u, d) = (next, e);
+    }
 }
 
 #[cfg(test)]
@@ -154,7 +169,7 @@ mod tests {
             })
             .collect();
         let s = Silhouette { picture: size, origin: [0, 0], size, distance_px };
-        let p = Profiles::read(&[&s], &line, 40).unwrap();
+        let p = Profiles::read(&[&s], &line, 40, &|_, z| z).unwrap();
         for (k, z) in p.z_px.iter().enumerate() {
             let half = 60.0 * (1.0 - ((z - 100.0) / 90.0).powi(2)).sqrt();
             // Averaged over the height's lines: the ellipse's curvature costs a little near its ends.

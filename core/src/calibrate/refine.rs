@@ -1,11 +1,11 @@
 //! Calibration of the rig from the silhouettes of a session.
 
 use super::calibration::{Calibration, Finding, FindingKind, Rotation, ViewCalibration};
-use super::fit::{
-    ELEVATION, Fit, MODEST, PedestalObservation, Prior, Priors, RECIPROCAL, ROLL, SHARED, Sample, Spreads,
-    VIEW_SIGMA_STEPS, fit,
-};
+use super::fit::{Fit, MODEST, PedestalObservation, Prior, Priors, Sample, Start, VIEW_SIGMA_STEPS};
+use super::frontier::top_outline;
 use super::profile::AxisLine;
+use super::rig::{MODEST_RECIPROCAL, NEAR_SIGMAS, Rig, RigFit, blind, residual_px, unsure_px};
+use super::round::{ELEVATION, RECIPROCAL, ROLL, SHARED};
 use super::turning::{self, Change, STEP_SIZE, Turning};
 use super::{Axis, AxisError, AxisMethod, How, Measured, find_axis};
 use crate::geometry::Angle;
@@ -15,33 +15,12 @@ use crate::silhouette::{Silhouette, Verdict};
 const LEAST_VIEWS: usize = 6;
 /// Most views: time grows with the cube of their number.
 const MOST_VIEWS: usize = 100;
-/// Rounds of linearising.
-const ROUNDS: usize = 3;
-/// What a number must be of its standard uncertainty to count as seen.
-const SEEN_SIGMAS: f64 = 4.0;
-/// The same of a near camera, and with it of the sense of rotation: now and then a grain's shape looks like one. Before a
-/// telecentric lens two of the first forty of the simulated rig's grains came to just above four (`tests/calibration`,
-/// `a_telecentric_lens_…`).
-const NEAR_SIGMAS: f64 = 5.0;
-/// What [`MODEST`] is for the reciprocal distance and for the rays' elevation, which small errors of the outlines move most.
-const MODEST_RECIPROCAL: f64 = 2.2;
+/// What an elevation must be of its standard uncertainty to count as seen.
+const SEEN_SIGMAS: f64 = 3.0;
+/// What [`MODEST`] is for the rays' elevation, which small errors of the outlines move most.
 const MODEST_ELEVATION: f64 = 4.4;
-/// How far a distance that somebody noted may be off, as a share of its reciprocal (standard deviation): it is measured
-/// to the lens' front, to the camera's back, or was another lens'.
-const NOTED_DISTANCE: f64 = 0.5;
-/// The same where the outlines alone would rather have parallel views, but do not speak against what was noted by more than so many
-/// standard uncertainties: then it is believed.
-const BELIEVED_DISTANCE: f64 = 0.1;
-const AGAINST_NOTED: f64 = 3.0;
 /// What an outline may be off by on one side all along, pixels (standard deviation).
 const OUTLINE_PX: f64 = 0.08;
-/// What of it a near camera may be taken for, pixels (standard deviation).
-const NEAR_PX: f64 = 0.03;
-/// Outlines that contradict one another by more than this, pixels and as a share of the grain's mean reach, are none to find slips by,
-/// nor to rely on: of opaque grains of 300 pixels they do by up to 0.6, where something is amiss with the light by 1.1 and more.
-const UNSURE: (f64, f64) = (0.9, 0.006);
-/// Widest gap between views over which slips can be detected, degrees.
-const WIDEST_GAP_DEG: f64 = 20.0;
 /// Where the pictures speak against the sense of rotation by so many standard uncertainties, a warning is given. That parallel
 /// views do not show it needs none: it is configured, `rotation.how` states that it was taken from there, and a mirrored
 /// grain has the same volume, size, mesh and compression.
@@ -101,8 +80,10 @@ pub fn calibrate(views: &[SeenView], known: &Known) -> Result<(Calibration, Axis
         row_px: known.origin_row_px,
         roll_rad: axis.roll_rad,
     };
-    let samples: Vec<Sample> =
-        views.iter().map(|v| Sample { silhouette: v.silhouette, pedestal: v.pedestal }).collect();
+    let tops: Vec<Vec<[f64; 2]>> = views.iter().map(|v| top_outline(v.silhouette)).collect();
+    let samples: Vec<Sample> = (views.iter().zip(&tops))
+        .map(|(v, top)| Sample { silhouette: v.silhouette, pedestal: v.pedestal, top })
+        .collect();
     let made = ((LEAST_VIEWS..=MOST_VIEWS).contains(&views.len()))
         .then(|| FittedRig::of(views, &samples, known, &start, sense))
         .flatten();
@@ -152,65 +133,30 @@ impl FittedRig {
             reciprocal: None,
             full_step_rad: known.full_step_deg.to_radians(),
         };
-        let blind = blind(views);
-        let work = |samples: &[Sample], sense: f64, line: &AxisLine| -> Option<Turning> {
-            let angles: Vec<f64> = views.iter().map(|v| sense * v.angle.rad()).collect();
-            let first = fit(samples, &angles, &priors, line, Spreads::Sought, ROUNDS)?;
-            let mut turning = match blind {
-                None => {
-                    let nominal = first.clone();
-                    let found = turning::look(samples, &angles, &priors, first);
-                    let is_unsure = residual_px(&found.fit) > unsure_px(&found.fit);
-                    if is_unsure { Turning::nominal(&angles, nominal) } else { found }
-                }
-                Some(_) => Turning::nominal(&angles, first),
-            };
-            turning.fit.step_sigma = turning.step_sigma(samples);
-            Some(turning)
+        let rig = Rig {
+            views,
+            priors,
+            noted: known.camera_distance_mm.zip(known.mm_per_px.value).map(|(d, m)| m / d),
         };
         let mut sense = sense;
-        let mut turning = work(samples, sense, start)?;
-        let apart = turning.fit.hyper.runout_px;
+        let mut worked = rig.worked_out(samples, sense, Start::Line(start))?;
+        let apart = worked.turning.fit.hyper.runout_px;
         let outlines: Vec<Sample> = samples.iter().map(|s| Sample { pedestal: None, ..*s }).collect();
-        let alone = (apart > FAR_APART_PX).then(|| work(&outlines, sense, start)).flatten();
-        let alone = alone.filter(|alone| alone.fit.hyper.runout_px < APART_SHARE * apart);
+        let alone =
+            (apart > FAR_APART_PX).then(|| rig.worked_out(&outlines, sense, Start::Line(start))).flatten();
+        let alone = alone.filter(|alone| alone.turning.fit.hyper.runout_px < APART_SHARE * apart);
         let leaves_pedestal_out = alone.is_some();
         let samples = if leaves_pedestal_out { &outlines } else { samples };
-        turning = alone.unwrap_or(turning);
-        // A near camera moves the outline in proportion to the square of its reach: of a small grain that is less than what the
-        // outline may be off by.
-        let reciprocal_of = |f: &Fit| {
-            let sigma = f.sigma(RECIPROCAL, MODEST_RECIPROCAL);
-            (f.parameters[RECIPROCAL], sigma.hypot(NEAR_PX / f.mean_reach_px.powi(2)))
-        };
-        let (q, sigma) = reciprocal_of(&turning.fit);
+        worked = alone.unwrap_or(worked);
         // Seen from a finite distance, the grain's mirror image turning the other way would need a camera behind it.
+        let (q, sigma) = worked.reciprocal;
         if q < -NEAR_SIGMAS * sigma {
             sense = -sense;
-            let line = turning.fit.line;
-            turning = work(samples, sense, &line)?;
+            let line = worked.turning.fit.line;
+            worked = rig.worked_out(samples, sense, Start::Line(&line))?;
         }
-        let reciprocal = reciprocal_of(&turning.fit);
+        let RigFit { turning, reciprocal } = worked;
         let sense_seen = reciprocal.0 > NEAR_SIGMAS * reciprocal.1;
-        if let (Some(distance), Some(scale)) = (known.camera_distance_mm, known.mm_per_px.value) {
-            let noted = scale / distance;
-            let sigma = NOTED_DISTANCE * noted;
-            if (reciprocal.0 - noted).abs() < NEAR_SIGMAS * reciprocal.1.hypot(sigma) {
-                let (line, spreads) = (turning.fit.line, Spreads::Known(turning.fit.hyper));
-                let with = |sigma: f64| {
-                    // The equations think themselves surer than they are: as much surer must they think what was noted.
-                    let reciprocal = Some(Prior { value: noted, sigma: sigma / MODEST_RECIPROCAL });
-                    let priors = Priors { reciprocal, ..priors };
-                    fit(samples, &turning.angles, &priors, &line, spreads, ROUNDS)
-                };
-                let mut again = with(sigma)?;
-                let is_near = again.parameters[RECIPROCAL] > again.sigma(RECIPROCAL, MODEST_RECIPROCAL);
-                if !is_near && (reciprocal.0 - noted).abs() < AGAINST_NOTED * reciprocal.1 {
-                    again = with(BELIEVED_DISTANCE * noted)?;
-                }
-                turning.fit = Fit { step_sigma: turning.fit.step_sigma, ..again };
-            }
-        }
         Some(Self { turning, sense, sense_seen, leaves_pedestal_out, reciprocal })
     }
 
@@ -222,9 +168,16 @@ impl FittedRig {
         let sigma = |k: usize, more: f64| fit.sigma(k, MODEST).hypot(more);
         let scale = known.mm_per_px.value.unwrap_or(1.0);
         let (camera_distance_mm, camera_distance_note) = self.distance(known, scale, fit, &mut warnings);
-        let elevation = fit.parameters[ELEVATION];
-        let elevation_sigma = fit.sigma(ELEVATION, MODEST_ELEVATION).hypot(shared);
-        let elevation_deg = if elevation.abs() > SEEN_SIGMAS * elevation_sigma {
+        // Where no distance is told the views are taken for parallel, and the rays rise by what parallel ones would have to.
+        let (q, q_sigma) = match camera_distance_mm.value {
+            Some(_) => (fit.parameters[RECIPROCAL], fit.sigma(RECIPROCAL, MODEST_RECIPROCAL)),
+            None => (0.0, self.reciprocal.0.hypot(self.reciprocal.1)),
+        };
+        let (elevation, own_sigma, slope) = fit.given(ELEVATION, (RECIPROCAL, q), MODEST_ELEVATION);
+        let own_sigma = own_sigma.hypot(shared);
+        let elevation_sigma = own_sigma.hypot(slope * q_sigma);
+        let of_it = if camera_distance_mm.value.is_some() { elevation_sigma } else { own_sigma };
+        let elevation_deg = if elevation.abs() > SEEN_SIGMAS * of_it {
             Measured::measured(elevation.to_degrees(), elevation_sigma.to_degrees())
         } else {
             // Level is what it is taken for: it may be what the outlines give, and as much more as they may be off.
@@ -433,41 +386,6 @@ impl FittedRig {
 /// Half the width of the distances whose reciprocals lie within one standard uncertainty of `reciprocal`, mm.
 fn distance_sigma_mm(scale: f64, reciprocal: f64, sigma: f64) -> f64 {
     0.5 * (scale / (reciprocal - sigma) - scale / (reciprocal + sigma))
-}
-
-/// By how much the outlines contradict one another, pixels (standard deviation).
-fn residual_px(fit: &Fit) -> f64 {
-    fit.hyper.noise_px.hypot(fit.hyper.edge_px)
-}
-
-/// By how much they may.
-fn unsure_px(fit: &Fit) -> f64 {
-    UNSURE.0.max(UNSURE.1 * fit.mean_reach_px)
-}
-
-/// Why slips cannot be detected, where they cannot: the outlines must be right, and reach round the grain.
-fn blind(views: &[SeenView]) -> Option<String> {
-    if let Some(bad) = views.iter().find(|v| v.bad) {
-        return Some(format!(
-            "slips and lost steps were not looked for, as view {} is bad: take it again",
-            bad.index
-        ));
-    }
-    // The outline's two sides look half a turn apart.
-    let mut directions: Vec<f64> = views
-        .iter()
-        .flat_map(|v| [0.0, 180.0].map(|side| (v.angle.deg() + side).rem_euclid(360.0)))
-        .collect();
-    directions.sort_by(f64::total_cmp);
-    let wrapped = directions.first().map(|first| first + 360.0);
-    let gaps = directions.iter().zip(directions.iter().skip(1).copied().chain(wrapped)).map(|(a, b)| b - a);
-    let widest = gaps.fold(0.0, f64::max);
-    (widest > WIDEST_GAP_DEG).then(|| {
-        format!(
-            "slips and lost steps were not looked for: {widest:.0}° lie between two neighbouring views, {WIDEST_GAP_DEG}° \
-             at most would do"
-        )
-    })
 }
 
 /// Too few views or rows to hold against one another: what is given or was found at first stands.

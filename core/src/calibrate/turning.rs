@@ -7,7 +7,7 @@
 //! is negative, locates where the angles went wrong (Huber and Ronchetti, Robust Statistics, 2009, on why not squares).
 
 use super::closing::{Closing, closings, near_closings};
-use super::fit::{Fit, MODEST, Priors, Sample, Spreads, fit};
+use super::fit::{Fit, MODEST, Priors, Sample, Spreads, Start, fit};
 use super::profile::AxisLine;
 use nalgebra::DMatrix;
 
@@ -364,7 +364,8 @@ fn one(views: &[Sample], priors: &Priors, now: &Turning) -> Option<Turning> {
     let worked = candidates.into_iter().filter_map(|t| {
         let t = search.settled(t, views, &now.fit.line)?;
         let angles = search.moved(t.change, t.rad);
-        let fitted = fit(views, &angles, priors, &now.fit.line, Spreads::Known(now.fit.hyper), ROUNDS)?;
+        let fitted =
+            fit(views, &angles, priors, Start::Fit(&now.fit), Spreads::Known(now.fit.hyper), ROUNDS)?;
         let (pitch, count) = if t.measured.is_some() { (0.0, 0) } else { FINE };
         let (score, fine) = (-count..=count)
             .map(|k| search.tried(t.change, t.rad + f64::from(k) * pitch, &fitted.shape))
@@ -399,7 +400,7 @@ fn one(views: &[Sample], priors: &Priors, now: &Turning) -> Option<Turning> {
             *a = 0.5 * (*a + other);
         }
     }
-    let fit = fit(views, &angles, priors, &fitted.line, Spreads::SoughtFrom(fitted.hyper), ROUNDS)?;
+    let fit = fit(views, &angles, priors, Start::Fit(&fitted), Spreads::SoughtFrom(fitted.hyper), ROUNDS)?;
     let mut found = now.found.clone();
     found.push(DetectedChange {
         change: candidate.change,
