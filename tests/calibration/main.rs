@@ -218,6 +218,34 @@ fn clean_rigs_raise_no_alarm() {
     assert!(alarms.is_empty(), "{alarms:?}");
 }
 
+/// A camera that looks up or down by degrees, with its distance noted: the grain turns the right way, nothing slipped, and how far the
+/// rays rise is told.
+#[test]
+fn a_camera_that_looks_up_or_down_is_told_by_how_much() {
+    let rises = [-4.0, -2.5, 1.5, 4.0];
+    let made: Vec<(bool, Errors, String)> = nearly_all(0..rigs(8), |seed| {
+        let elevation_deg = rises[seed as usize % rises.len()];
+        let camera_distance_mm = [Some(80.0), None, Some(200.0)][seed as usize % 3];
+        let rig = laboratory(7000 + seed, Wrong::Nothing);
+        let captured = capture(&Settings { elevation_deg, camera_distance_mm, ..rig })?;
+        let known = Known { camera_distance_mm, ..known(&captured) };
+        let (c, _) = calibrated(&captured, &known);
+        let (value, sigma) = (c.elevation_deg.value.unwrap(), c.elevation_deg.sigma.unwrap());
+        let mut rise = Errors::default();
+        rise.add(value - elevation_deg, sigma);
+        let is_right = c.rotation.counter_clockwise && c.findings.is_empty();
+        let told = format!(
+            "rig {seed}, {elevation_deg}° at {camera_distance_mm:?} mm: {value:.2} ± {sigma:.2}°, counter-clockwise {}, {:?}",
+            c.rotation.counter_clockwise, c.findings
+        );
+        Ok((is_right && (value - elevation_deg).abs() < 1.6, rise, told))
+    });
+    let wrong: Vec<&String> = made.iter().filter(|m| !m.0).map(|m| &m.2).collect();
+    assert!(wrong.is_empty(), "{wrong:#?}");
+    let out = made.iter().filter(|m| m.1.tell("elevation, °") > 0).count();
+    assert!(out <= (made.len() / 20).max(1), "{out} of {} truths lie beyond 2 sigma", made.len());
+}
+
 /// Where views are few, the grain seems to fit a turn that is wrong by a whole view; a view that closes the turn refutes it.
 #[test]
 fn clean_rigs_raise_no_alarm_however_many_views_they_have() {

@@ -26,6 +26,8 @@ const SEARCHED_ROUNDS: usize = 2;
 /// More rounds while the rays change by more than this, radians.
 const MORE_ROUNDS: usize = 9;
 const SETTLED_RAD: f64 = 2e-4;
+/// They lead away where one changes them by more than this many times the least change.
+const DIVERGING: f64 = 3.0;
 
 /// A view for the fit.
 #[derive(Debug, Clone, Copy)]
@@ -187,8 +189,8 @@ pub(super) fn fit(
         Spreads::SoughtFrom(h) => (Some(h), true),
         Spreads::Known(h) => (Some(h), false),
     };
-    let mut fitted = None;
-    let mut sought_again = false;
+    let mut fitted: Option<(f64, Fit)> = None;
+    let (mut sought_again, mut seeks) = (false, false);
     for round in 0..rounds + MORE_ROUNDS {
         let rays: Rays = [RECIPROCAL, ELEVATION].map(|k| parameters[k]);
         let heights = HEIGHTS.min(SAMPLES / (2 * n)).max(8);
@@ -208,7 +210,8 @@ pub(super) fn fit(
         });
         let read = Read { profiles: &profiles, rays, depths: depths.as_ref() };
         let equations = Round::new(views, angles, priors, &line, &read, &parameters, &spread)?;
-        if search && (round < SEARCHED_ROUNDS || sought_again) {
+        let sought_now = search && (round < SEARCHED_ROUNDS || seeks);
+        if sought_now {
             spread = equations.search(spread);
         }
         hyper = Some(spread);
@@ -238,18 +241,25 @@ pub(super) fn fit(
             residuals_px,
             mean_reach_px,
         };
-        let moved =
-            |k: usize, over: f64| (made.parameters[k] - rays[usize::from(k == ELEVATION)]).abs() * over;
-        let has_settled = moved(RECIPROCAL, mean_reach_px) + moved(ELEVATION, 1.0) < SETTLED_RAD;
+        let by = |k: usize| (made.parameters[k] - rays[usize::from(k == ELEVATION)]).abs();
+        let moved = by(RECIPROCAL) * mean_reach_px + by(ELEVATION);
         depths = Some(made.depths.clone());
-        fitted = Some(made);
-        if round + 1 >= rounds && has_settled {
+        seeks = false;
+        let is_early = round + 1 < rounds || sought_now;
+        let least = fitted.as_ref().map_or(f64::INFINITY, |(least, _)| *least);
+        if is_early || moved <= least {
+            fitted = Some((if is_early { f64::INFINITY } else { moved }, made));
+        } else if moved > DIVERGING * least {
+            // Rounds that lead away end where they had come closest.
+            break;
+        }
+        if round + 1 >= rounds && moved < SETTLED_RAD {
             // Where the rays took long to settle, the spreads were sought with others.
             if !search || sought_again || round + 1 == rounds {
                 break;
             }
-            sought_again = true;
+            (sought_again, seeks) = (true, true);
         }
     }
-    fitted
+    fitted.map(|(_, fit)| fit)
 }

@@ -148,15 +148,18 @@ impl FittedRig {
         let leaves_pedestal_out = alone.is_some();
         let samples = if leaves_pedestal_out { &outlines } else { samples };
         worked = alone.unwrap_or(worked);
-        // Seen from a finite distance, the grain's mirror image turning the other way would need a camera behind it.
-        let (q, sigma) = worked.reciprocal;
-        if q < -NEAR_SIGMAS * sigma {
-            sense = -sense;
+        // Seen from a finite distance, the grain's mirror image turning the other way would need a camera behind it; turning the right way, it
+        // shows the camera where it is. A distance that shows neither way is something else's: rays that rise steeply, or light.
+        let is_near = |sign: f64, (q, sigma): (f64, f64)| sign * q > NEAR_SIGMAS * sigma;
+        if is_near(-1.0, worked.reciprocal) {
             let line = worked.turning.fit.line;
-            worked = rig.worked_out(samples, sense, Start::Line(&line))?;
+            let mirrored = rig.worked_out(samples, -sense, Start::Line(&line))?;
+            if is_near(1.0, mirrored.reciprocal) {
+                (sense, worked) = (-sense, mirrored);
+            }
         }
         let RigFit { turning, reciprocal } = worked;
-        let sense_seen = reciprocal.0 > NEAR_SIGMAS * reciprocal.1;
+        let sense_seen = is_near(1.0, reciprocal);
         Some(Self { turning, sense, sense_seen, leaves_pedestal_out, reciprocal })
     }
 
