@@ -15,13 +15,15 @@ cd "$work"
 # The simulated rig's own grain, as `make demo` has it.
 "$GRAINRIG" capture demo
 "$GRAINRIG" compress demo
+"$GRAINRIG" rests demo --least-lift-mm 0.001
 "$GRAINRIG" study sensitivity
 products=data/demo/products
 cp $products/outline_00.png "$out/outline.png"
 cp $products/calibration.png "$out/calibration.png"
 cp $products/convergence.png "$out/convergence.png"
-cp demo-compressed/curve.png "$out/curve.png"
-cp demo-compressed/stage_08.png "$out/stresses.png"
+cp data/demo/compressions/elastic/curve.png "$out/curve.png"
+cp data/demo/compressions/elastic/stage_08.png "$out/stresses.png"
+cp demo-rests/rests.png "$out/rests.png"
 cp study-sensitivity/curves.png "$out/sensitivity.png"
 node "$OLDPWD/docs/pictures.mjs" data $products/grain.inp "$out"
 

@@ -158,6 +158,7 @@ const JOBS = /** @type {Record<string, (of: any) => string>} */ ({
   mesh: ({ session }) => `Mesh of ${session}`,
   calibrate_scale: ({ session }) => `Size of a pixel from ${session}`,
   study: ({ session }) => `Study ${session}`,
+  rests: ({ session }) => `Rests of ${session}`,
 });
 
 /**

@@ -5,7 +5,8 @@ use super::output::{print, print_json, say};
 use super::progress::{Progress, percent};
 use super::signals::stop_flag;
 use crate::jobs::{
-    CompressOptions, CompressProgress, CompressResult, Context, experiment_lines, transition_line,
+    CompressOptions, CompressProgress, CompressResult, Context, experiment_lines, rocking_line,
+    transition_line,
 };
 use anyhow::Result;
 use grainrig_core::contact::CurvePoint;
@@ -88,8 +89,21 @@ fn summary(r: &CompressResult, folder: &Path) -> String {
         ),
         format!("curve      {:.4} N at {:.3} µm of approach", last.force_n, 1e3 * last.approach_mm),
     ];
+    lines.extend(r.settings.rocking.as_ref().map(|rocking| format!("rocking    {}", rocking_line(rocking))));
     match &r.transition {
-        Some(t) => lines.push(format!("δ_i        at {} N: {}", r.settings.transition_n, transition_line(t))),
+        Some(t) => {
+            let parts = r.deformation_mm.filter(|_| r.settings.rocked_mm() > 0.0).map_or_else(
+                String::new,
+                |deformed| {
+                    format!(
+                        "; {:.2} µm of rocking and {:.2} µm of deformation",
+                        1e3 * r.settings.rocked_mm(),
+                        1e3 * deformed
+                    )
+                },
+            );
+            lines.push(format!("δ_i        at {} N: {}{parts}", r.settings.transition_n, transition_line(t)));
+        }
         None => {
             lines
                 .push(format!("δ_i        not known: the force does not pass {} N", r.settings.transition_n));

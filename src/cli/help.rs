@@ -125,13 +125,27 @@ Examples:
   grainrig compress quartz-07 --experiment test.csv --compliance-um-per-n 0.12
   grainrig compress --resume data/quartz-07/compressions/elastic
 
-The grain rolls into a stable rest on the lower plate; the approach counts from where the plates touch it (for a
-sphere from its diameter). The results of a session's grain lie in its folder, below compressions/, where the monitor lists
+The grain lies in the rest that it comes to from how it was photographed (`grainrig rests` shows all; --rest); the plates turn it
+until they hold it, and it deforms from there. The approach counts from where they first touch it (for a sphere from its
+diameter). The results of a session's grain lie in its folder, below compressions/, where the monitor lists
 them; those of a file in NAME-compressed, or in --out. There are curve.csv, curve.svg and .png, result.json, the deformed mesh with its stresses at
 eight stages (stages.pvd for ParaView) and a picture of a cut at each, and the same model as decks for Abaqus/Explicit
 and CalculiX. Ctrl-C writes what there is; after that, or a power failure, the same command again (or --resume DIR)
 goes on with the same bits; at most 20 s of computing are lost.
 Units: mm, N, MPa, t.";
+
+pub(super) const RESTS: &str = "\
+Examples:
+  grainrig rests quartz-07                                a session's grain, between plates of friction 0.2
+  grainrig rests grain.stl --unit um --friction 0 --json
+  grainrig compress quartz-07 --rest 2                    press it as it lies in the second of them
+
+A rest is a way to lie on a level plate that it takes some lift of the grain's centre to leave (--least-lift-mm; else a surface
+of facets would rest on each of them). Its chance is that of being let down at random. Its gap angle is that between the plates' normal and the shortest line
+from what touches below to what touches above: where its tangent is above the friction, closing plates turn the grain, nearly
+without a force, until it is not (or the upper contacts stand above the lower ones, where there is no friction). How far
+they come meanwhile is in the column rocking: what a compression shows before it shows anything elastic.
+Written are rests.csv and rests.png: the grain in each of its rests, seen from the side.";
 
 pub(super) const VERIFY: &str = "\
 Examples:

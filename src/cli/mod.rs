@@ -20,6 +20,7 @@ mod next;
 mod output;
 mod progress;
 mod reconstruct;
+mod rests;
 mod serve;
 mod sessions;
 mod shell;
@@ -30,7 +31,7 @@ mod verify;
 use crate::config::{Config, Found, Place, usual_places};
 use crate::jobs::{
     CaptureOptions, CompressOptions, Context, ErrorKind, ImportOptions, MergeOptions, MeshOptions, Names,
-    ReconstructOptions, ReplayOptions, ResumeOptions, VerifyOptions,
+    ReconstructOptions, ReplayOptions, RestsOptions, ResumeOptions, VerifyOptions,
 };
 use crate::session::Store;
 use anyhow::Result;
@@ -206,6 +207,9 @@ enum Command {
     /// Press a grain between two rigid plates: force against displacement, by explicit dynamics.
     #[command(after_help = help::COMPRESS)]
     Compress(CompressOptions),
+    /// Show how a grain can come to lie, how likely each way is, and how far closing plates turn it before they hold it.
+    #[command(after_help = help::RESTS)]
+    Rests(RestsOptions),
     /// List the sessions of the data folder, the newest first.
     List,
     /// Show what there is to know of a session: how far it has come, its figures, its files.
@@ -285,6 +289,7 @@ pub fn run() -> ExitCode {
         Command::Mesh(a) => mesh::run(common, &a),
         Command::Merge(a) => merge::run(common, &a),
         Command::Compress(a) => compress::run(common, &a),
+        Command::Rests(a) => rests::run(common, &a),
         Command::List => sessions::list(common),
         Command::Show(a) => sessions::show(common, &a),
         Command::Rm(a) => sessions::rm(common, &a),

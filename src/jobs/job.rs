@@ -3,7 +3,7 @@
 use super::background::{Background, JobDescription, JobEnd, JobReporter};
 use super::{
     CompressOptions, Context, ImportOptions, JobError, MergeOptions, MeshOptions, Meshed, ReconstructOptions,
-    ReplayOptions, ScaleOptions, StudyOptions, VerifyOptions, Watcher, stated,
+    ReplayOptions, RestsOptions, ScaleOptions, StudyOptions, VerifyOptions, Watcher, stated,
 };
 use crate::session::event::{EventKind, JobKind};
 use crate::session::to_json_value;
@@ -37,6 +37,8 @@ pub enum Job {
     CalibrateScale(ScaleOptions),
     /// The volume against the number of views is studied.
     Study(StudyOptions),
+    /// How a body can come to lie, and how closing plates turn it.
+    Rests(RestsOptions),
 }
 
 impl Job {
@@ -53,6 +55,7 @@ impl Job {
             Self::Compress(o) => (JobKind::Compress, named(&o.subject())),
             Self::CalibrateScale(o) => (JobKind::CalibrateScale, named(&o.folder)),
             Self::Study(o) => (JobKind::Study, named(&o.out)),
+            Self::Rests(o) => (JobKind::Rests, named(&o.input)),
         };
         let stop = matches!(self, Self::Compress(_)).then(|| Arc::clone(&context.stop));
         Ok(JobDescription { kind, session: subject, name: None, stop, called_off: None })
@@ -73,6 +76,7 @@ impl Job {
             Self::Compress(o) => o.check(context),
             Self::CalibrateScale(o) => o.check(context),
             Self::Study(o) => o.check(context),
+            Self::Rests(o) => o.check(context),
         }
     }
 
@@ -111,6 +115,7 @@ impl Job {
             }
             Self::CalibrateScale(o) => to_json_value(&o.run(context)?)?,
             Self::Study(o) => o.run(context)?.to_json()?,
+            Self::Rests(o) => to_json_value(&o.run(context)?)?,
         })
     }
 }

@@ -53,8 +53,10 @@ fn of_mesh(error: &MeshError) -> ErrorKind {
 }
 
 fn of_contact(error: &ContactError) -> ErrorKind {
-    use ContactError::{Doubt, Parameter, Setting, Unstable};
-    ErrorKind::usage_if(matches!(error, Setting { .. } | Parameter { .. } | Unstable { .. } | Doubt(_)))
+    use ContactError::{Doubt, NoRest, Parameter, Setting, Unstable};
+    let asked =
+        matches!(error, Setting { .. } | Parameter { .. } | Unstable { .. } | NoRest { .. } | Doubt(_));
+    ErrorKind::usage_if(asked)
 }
 
 impl JobError {

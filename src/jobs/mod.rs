@@ -26,6 +26,7 @@ mod preview;
 mod reconstructing;
 mod recorded;
 mod replaying;
+mod resting;
 mod scale_file;
 mod scaling;
 mod slot;
@@ -36,7 +37,8 @@ pub use capturing::{CaptureOptions, ResumeOptions, Resumed, capture, resume};
 pub use compressing::{
     Claim, CompressDetails, CompressFile, CompressHost, CompressInput, CompressLine, CompressMaterial,
     CompressOptions, CompressProgress, CompressRequest, CompressResult, CompressSettings, CompressState,
-    Compression, EnergyResult, ExperimentResult, OtherCurve, Placing, experiment_lines, transition_line,
+    Compression, EnergyResult, ExperimentResult, OtherCurve, Placing, RockingBy, RockingResult,
+    experiment_lines, rocking_line, transition_line,
 };
 pub use devices::{DeviceLine, devices};
 pub use doctor::{Finding, Health, doctor};
@@ -54,6 +56,7 @@ pub use names::Names;
 pub use preview::{Preview, PreviewPart, Previews};
 pub use reconstructing::{ReconstructOptions, VerifyOptions, reconstruct};
 pub use replaying::{ReplayOptions, Replayed, replay};
+pub use resting::{RestLine, RestsOptions, RestsResult};
 pub use scale_file::{BodyKind, GivenScale, PictureScale, ScaleFile};
 pub use scaling::{Angles, ScaleOptions, ScaleRequest, calibrate_scale};
 pub use studying::{Studied, StudyOptions};

@@ -127,6 +127,8 @@ pub enum JobKind {
     CalibrateScale,
     /// The volume against the number of views.
     Study,
+    /// How a grain can come to lie, and how plates turn it.
+    Rests,
 }
 
 /// How a computation beside the rig stands.

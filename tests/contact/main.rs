@@ -11,6 +11,7 @@ mod killed;
 mod laws;
 mod plastic;
 mod press;
+mod rests;
 #[path = "../support/skip.rs"]
 mod skip;
 mod sphere;

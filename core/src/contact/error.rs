@@ -63,6 +63,19 @@ pub enum ContactError {
         /// What the numbers seem to be.
         guess: &'static str,
     },
+    /// A body that has no volume, or a corner that is no number.
+    #[error(
+        "all corners of the body lie in one plane, or one is no number: a grain has a volume; check the file"
+    )]
+    Flat,
+    /// A rest that the body has not.
+    #[error("rest {asked}: this grain has rests 1 to {count}; `grainrig rests` shows them")]
+    NoRest {
+        /// What was asked for.
+        asked: usize,
+        /// How many there are.
+        count: usize,
+    },
     /// The plates do not meet the body.
     #[error(
         "the plates at z = {lower_mm} and {upper_mm} mm miss the grain, which reaches from {bottom_mm} to {top_mm} mm; put \

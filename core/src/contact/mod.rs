@@ -4,6 +4,7 @@
 //!
 //! - [`Material`] and the table of its [`LAWS`], and closed forms for spheres to hold results against ([`hertz`]).
 //! - [`Body`]: the mesh in the order and the batches in which it is computed, its masses, its internal forces.
+//! - [`Rests`]: how a grain can come to lie, and how likely each is; [`rocking`]: how closing plates turn it before they hold it.
 //! - [`time_step`]: the largest time step that central differences bear.
 //! - [`Dynamics`]: the step itself, with plates, friction and damping, and every term of the energy balance.
 //!
@@ -29,7 +30,9 @@ mod plates;
 mod press;
 mod readoff;
 pub mod rest;
+mod rests;
 mod rigid;
+mod rocking;
 mod section;
 mod state;
 pub mod time_step;
@@ -47,6 +50,8 @@ pub use readoff::{
     Agreement, CurvePoint, HertzFit, QUASI_STATIC, QuasiStatic, SETTLED, Transition, agreement, fit_hertz,
     quasi_static, transition,
 };
+pub use rests::{Rest, Rests};
+pub use rocking::{Contacts, Rocking, rocking};
 pub use section::section;
 pub use state::StateError;
 pub use touch::{Contact, Plate, Touch};

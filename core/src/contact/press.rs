@@ -162,8 +162,10 @@ pub struct Press {
     pub(super) speed_mm_s: f64,
     pub(super) step_s: f64,
     boundary: BoundaryFacets,
-    /// The plates' distance when the approach was zero, mm.
+    /// The plates' distance at the beginning, mm.
     gap_mm: f64,
+    /// The approach at the beginning, mm.
+    rocked_mm: f64,
     height_mm: f64,
     mass_t: f64,
 }
@@ -215,12 +217,22 @@ impl Press {
             step_s: 0.0,
             boundary,
             gap_mm,
+            rocked_mm: 0.0,
             height_mm,
             mass_t,
         };
         press.window.from_mm = press.approach_mm();
         press.review()?;
         Ok(press)
+    }
+
+    /// The same with an approach that counts from where plates first touched a grain that they had to turn by so much of
+    /// approach, mm, before they held it as the mesh lies.
+    #[must_use]
+    pub fn rocked(mut self, approach_mm: f64) -> Self {
+        self.rocked_mm = approach_mm;
+        self.window.from_mm = self.approach_mm();
+        self
     }
 
     /// How far the farthest node is beyond a plate, mm: rounding.
@@ -261,7 +273,7 @@ impl Press {
 
     /// How near the plates have come, mm.
     pub fn approach_mm(&self) -> f64 {
-        self.gap_mm - (self.plates.upper_mm - self.plates.lower_mm)
+        self.rocked_mm + self.gap_mm - (self.plates.upper_mm - self.plates.lower_mm)
     }
 
     /// How much of the way to the end is done, 0 to 1: a guess by the approach, or by the force as a contact's grows.

@@ -46,7 +46,7 @@ fn tips_over(feet: &[Vector], size: f64) -> Option<(Vector, Vector)> {
 }
 
 /// The point of the feet's convex hull, seen from above, that is nearest to the origin.
-fn nearest_on_hull(feet: &[Vector]) -> Vector {
+pub(super) fn nearest_on_hull(feet: &[Vector]) -> Vector {
     let hull = hull_from_above(feet);
     let side = |a: &Vector, b: &Vector| a.x * b.y - a.y * b.x;
     let edges = || hull.iter().zip(hull.iter().cycle().skip(1));

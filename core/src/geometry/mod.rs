@@ -1,15 +1,17 @@
-//! Points, boxes, angles, cameras as projections, triangle meshes, implicit bodies.
+//! Points, boxes, angles, cameras as projections, triangle meshes, implicit bodies, convex hulls.
 //!
 //! The world frame is right-handed, its origin on the rotation axis, z along it and up. Lengths are mm.
 
 mod angle;
 mod bounds;
+mod convex;
 mod implicit;
 mod projection;
 mod triangles;
 
 pub use angle::Angle;
 pub use bounds::Aabb;
+pub use convex::ConvexHull;
 pub use implicit::{Ball, ImplicitBody};
 pub use projection::Projection;
 pub use triangles::{MeshFault, TriangleMesh};

@@ -2,17 +2,13 @@
 
 use super::views::Frame;
 use super::{Row, Study, StudyError};
-use crate::geometry::{Point, Vector};
 use crate::mesh::{Controls, mesh};
-use crate::report::{Panel, Point as Dot, Series, Sheet, Tile, Tiles};
+use crate::report::{Panel, Point as Dot, Series, Sheet, Tile, Tiles, from_the_side, shaded};
 use std::fmt::Write as _;
 
-/// From where the shapes are seen: turned about z, then looked down upon, radians; and where the light stands.
+/// From where the shapes are seen: turned about z, then looked down upon, radians.
 const TURNED: f64 = 0.5;
 const DOWN: f64 = 0.45;
-const LIGHT: [f64; 3] = [-0.5, 0.45, 0.74];
-/// Greys of a shape in the dark and in full light.
-const GREYS: [f64; 2] = [60.0, 235.0];
 /// Facets of a shape that is drawn, times the usual ones' size.
 const DRAWN: f64 = 1.5;
 
@@ -127,39 +123,13 @@ pub fn shapes(study: &Study, views: &[usize]) -> Result<Tiles, StudyError> {
         let made = mesh(&study.hull(*n), &controls, &mut |_| {})
             .map_err(|error| StudyError::Mesh { views: *n, error })?;
         let surface = made.surface().triangles;
-        let triangles: Vec<[Point; 3]> = (0..surface.triangles.len()).map(|t| surface.corners(t)).collect();
-        Ok(Tile { caption: format!("{n} views"), polygons: shaded(&triangles) })
+        let triangles = (0..surface.triangles.len()).map(|t| surface.corners(t));
+        Ok(Tile { caption: format!("{n} views"), polygons: shaded(triangles, &from_the_side(TURNED, DOWN)) })
     };
     Ok(Tiles {
         title: format!("{}: shapes from views over half a turn", study.name),
         tiles: views.iter().map(tile).collect::<Result<_, _>>()?,
     })
-}
-
-/// Triangles turned towards the reader, the farthest first.
-fn shaded(triangles: &[[Point; 3]]) -> Vec<(Vec<[f64; 2]>, u8)> {
-    let (st, ct) = TURNED.sin_cos();
-    let (sd, cd) = DOWN.sin_cos();
-    // To the right, upwards and towards the reader.
-    let seen = |p: &Point| {
-        let (x, y) = (p.x * ct - p.y * st, p.x * st + p.y * ct);
-        Vector::new(x, p.z * cd + y * sd, p.z * sd - y * cd)
-    };
-    let light = Vector::from(LIGHT).normalize();
-    let mut facing: Vec<(f64, [Vector; 3], f64)> = (triangles.iter())
-        .filter_map(|t| {
-            let c = [seen(&t[0]), seen(&t[1]), seen(&t[2])];
-            let normal = (c[1] - c[0]).cross(&(c[2] - c[0])).try_normalize(0.0)?;
-            (normal.z > 0.0).then(|| ((c[0] + c[1] + c[2]).z, c, normal.dot(&light).max(0.0)))
-        })
-        .collect();
-    facing.sort_by(|a, b| a.0.total_cmp(&b.0));
-    (facing.into_iter())
-        .map(|(_, corners, lit)| {
-            let grey = GREYS[0] + (GREYS[1] - GREYS[0]) * lit;
-            (corners.map(|c| [c.x, c.y]).into(), grey.round() as u8)
-        })
-        .collect()
 }
 
 #[cfg(test)]

@@ -2,7 +2,9 @@
 
 use super::body;
 use super::laws::{self, Parameters};
-use super::{CompressInput, CompressSettings, Compression, JobError, MESH, Placing, RESULT, RUN, TEXT_LIMIT};
+use super::{
+    CompressInput, CompressSettings, Compression, JobError, MESH, Placing, RESULT, RUN, RockingBy, TEXT_LIMIT,
+};
 use crate::session::{Held, LOCK, hold, read_inside, write_whole};
 use grainrig_core::contact::{ContactError, LAWS, Law, Loading, Material, Plates, SETTLED};
 use grainrig_core::plausible::{self, Doubt};
@@ -89,6 +91,14 @@ pub struct CompressRequest {
     #[arg(long, value_name = "DEG", num_args = 3, allow_negative_numbers = true)]
     #[schema(min_items = 3, max_items = 3)]
     pub rotate_deg: Option<Vec<f64>>,
+    /// Lay the grain in this one of its rests, 1 for the most likely (`grainrig rests` shows them), instead of the one
+    /// that it comes to from how it was photographed.
+    #[arg(long, value_name = "N", conflicts_with = "rotate_deg")]
+    pub rest: Option<usize>,
+    /// How the grain is followed while the plates turn it, before they hold it: as a rigid body between slow plates, or by the finite
+    /// elements, where the plates' speed counts.
+    #[arg(long, value_enum, value_name = "BY", default_value_t)]
+    pub rocking: RockingBy,
     /// Multiple of the usual speed of the plates.
     #[arg(long, value_name = "FACTOR", default_value_t = Self::default().speed, allow_negative_numbers = true)]
     pub speed: f64,
@@ -139,6 +149,8 @@ impl Default for CompressRequest {
             size_mm: None,
             size_at_contact_mm: None,
             rotate_deg: None,
+            rest: None,
+            rocking: RockingBy::default(),
             speed: 1.0,
             mass_scaling: loading.mass_scaling,
             time_step_s: None,
@@ -206,6 +218,11 @@ impl CompressRequest {
             let (name, unit, limit, remedy) = ("rotate_deg", "°", "finite", "leave it out");
             return Err(ContactError::Setting { name, value, unit, limit, remedy });
         }
+        if self.rest.is_some() && self.rotate_deg.is_some() {
+            let (name, value, unit) = ("rest", self.rest.map_or(f64::NAN, |r| r as f64), "");
+            let (limit, remedy) = ("left out beside rotate_deg", "give one of both");
+            return Err(ContactError::Setting { name, value, unit, limit, remedy });
+        }
         let usual = Loading::default();
         // Past the transition's force, until it is known that the force does not fall below it again.
         let settled_n = SETTLED * self.transition_n;
@@ -240,6 +257,7 @@ impl CompressRequest {
             gap_mm: 0.0,
             sphere_radius_mm: None,
             placed_deg: [0.0; 3],
+            rocking: None,
             transition_n: self.transition_n,
             goes_on_from_n: self.to_force_n.filter(|&asked_n| past(asked_n)),
             as_given: self.as_given,
@@ -253,6 +271,8 @@ impl CompressRequest {
             size_mm: self.size_mm,
             size_at_contact_mm: self.size_at_contact_mm,
             rotate_deg: self.rotate_deg.as_deref().and_then(|angles| angles.try_into().ok()),
+            rest: self.rest,
+            rocking: self.rocking,
         }
     }
 }

@@ -2,12 +2,13 @@
 
 use super::JobError;
 use crate::session::sha256_hex;
-use grainrig_core::contact::rest;
-use grainrig_core::geometry::{Aabb, Ball, ImplicitBody, Point, TriangleMesh, Vector};
+use grainrig_core::contact::{ContactError, Rests, Rocking, rocking};
+use grainrig_core::geometry::{Aabb, Ball, ConvexHull, ImplicitBody, Point, TriangleMesh, Vector};
 use grainrig_core::mesh::{Controls, Solid, TetMesh, mesh};
 use grainrig_core::plausible::{self, Doubt, share_of};
 use nalgebra::Rotation3;
 use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
 
 /// Elements where nobody says, over the diameter of a ball of the grain's volume.
 const SIZE: f64 = 1.0 / 14.0;
@@ -29,7 +30,7 @@ pub enum CompressInput {
 }
 
 impl CompressInput {
-    pub(super) fn name(&self) -> String {
+    pub(in crate::jobs) fn name(&self) -> String {
         match self {
             Self::Sphere(d) => format!("sphere of {d} mm"),
             Self::Surface(_, name) | Self::Mesh(_, name) => name.clone(),
@@ -60,6 +61,46 @@ pub struct Placing {
     pub size_at_contact_mm: Option<f64>,
     /// Turn about x, then y, then z, degrees, instead of coming to rest.
     pub rotate_deg: Option<[f64; 3]>,
+    /// The rest that it lies in, 1 for the most likely one; none for the one that it comes to from how it lies.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rest: Option<usize>,
+    /// How it is followed while the plates turn it.
+    #[serde(default)]
+    pub rocking: RockingBy,
+}
+
+/// How a grain is followed while the plates turn it, before they hold it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum RockingBy {
+    /// As a rigid body between slow plates; the finite elements begin where the plates hold it.
+    #[default]
+    Rigid,
+    /// By the finite elements, from the first touch on: the plates' speed counts.
+    Elements,
+}
+
+/// What the rigid stage of a compression came to.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct RockingResult {
+    /// How far the plates came while the grain turned between them, mm.
+    pub approach_mm: f64,
+    /// How far it turned, degrees.
+    pub turned_deg: f64,
+    /// The slope of the line from the lower to the upper contacts against the plates' normal at the first touch, degrees.
+    pub from_gap_deg: f64,
+    /// The same where the plates hold the grain, degrees.
+    pub to_gap_deg: f64,
+    /// Whether friction holds it; if not, the upper contacts stand above the lower ones.
+    pub held_by_friction: bool,
+}
+
+impl From<&Rocking> for RockingResult {
+    fn from(r: &Rocking) -> Self {
+        let [from_gap_deg, to_gap_deg] = r.slopes.map(|s| s.atan().to_degrees());
+        let (approach_mm, turned_deg) = (r.approach_mm(), r.angle().to_degrees());
+        Self { approach_mm, turned_deg, from_gap_deg, to_gap_deg, held_by_friction: r.held_by_friction }
+    }
 }
 
 /// A meshed body between plates.
@@ -68,12 +109,18 @@ pub(super) struct Placed {
     pub middle_mm: f64,
     pub gap_mm: f64,
     pub sphere_radius_mm: Option<f64>,
-    /// About x, then y, then z, degrees, as [`Placing::rotate_deg`].
+    /// How it was laid down: about x, then y, then z, degrees, as [`Placing::rotate_deg`].
     pub turned_deg: [f64; 3],
+    /// How the plates turned it from there; none of a body that was not followed so.
+    pub rocking: Option<RockingResult>,
 }
 
 /// What of a body's length, and of figures that have to do with it, no laboratory has.
-pub(super) fn doubts(input: &CompressInput, placing: &Placing, to_approach_mm: Option<f64>) -> Vec<Doubt> {
+pub(in crate::jobs) fn doubts(
+    input: &CompressInput,
+    placing: &Placing,
+    to_approach_mm: Option<f64>,
+) -> Vec<Doubt> {
     let longest = |points: &[Point]| Aabb::of(points.iter().copied()).map_or(0.0, |b| b.size().max());
     let (body, long_mm) = match input {
         CompressInput::Sphere(d) => (plausible::SPHERE, *d),
@@ -96,6 +143,7 @@ pub(super) fn doubts(input: &CompressInput, placing: &Placing, to_approach_mm: O
 pub(super) fn placed(
     input: &CompressInput,
     placing: &Placing,
+    friction: f64,
     told: &mut dyn FnMut(&str, f64),
 ) -> Result<Placed, JobError> {
     match input {
@@ -110,31 +158,31 @@ pub(super) fn placed(
                 gap_mm: *diameter,
                 sphere_radius_mm: Some(radius),
                 turned_deg: [0.0; 3],
+                rocking: None,
             })
         }
         CompressInput::Surface(surface, _) => {
             told(RESTING, 0.0);
-            let center = surface_center(surface);
-            let turn = turn(&surface.vertices, &center, placing);
-            let vertices = surface.vertices.iter().map(|p| Point::from(turn * (p - center))).collect();
+            let laid = Laid::new(&surface.vertices, &surface_center(surface), placing, friction)?;
+            let vertices = surface.vertices.iter().map(|p| laid.held(p)).collect();
             let turned = TriangleMesh { vertices, triangles: surface.triangles.clone() };
             let diameter_mm = (6.0 * turned.volume_mm3().abs() / std::f64::consts::PI).cbrt();
             // The plates begin where the surface is. A mesh has no node on its summits and ends lower: by a few tenths of a
             // micrometre, other ones at each size of the elements, and a stiff grain has its first newtons in such a way.
             let ends = reach(&turned.vertices);
             let solid = Solid::new(turned).map_err(JobError::Mesh)?;
-            Ok(between(meshed(&solid, diameter_mm, placing, told)?, ends, &turn))
+            Ok(laid.between(meshed(&solid, diameter_mm, placing, told)?, ends))
         }
         CompressInput::Mesh(given, _) => {
             told(RESTING, 0.0);
-            given.check().map_err(grainrig_core::contact::ContactError::Mesh)?;
+            given.check().map_err(ContactError::Mesh)?;
             let surface = given.surface();
             let center = surface_center(&surface.triangles);
-            let turn = turn(&surface.triangles.vertices, &center, placing);
-            let nodes = given.nodes.iter().map(|p| Point::from(turn * (p - center))).collect();
+            let laid = Laid::new(&surface.triangles.vertices, &center, placing, friction)?;
+            let nodes = given.nodes.iter().map(|p| laid.held(p)).collect();
             let mesh = TetMesh::new(nodes, given.tets.clone());
             let ends = reach(&mesh.nodes);
-            Ok(between(mesh, ends, &turn))
+            Ok(laid.between(mesh, ends))
         }
     }
 }
@@ -178,21 +226,61 @@ fn meshed(
     Ok(made)
 }
 
-/// A mesh between plates at the lowest and the highest place of its body.
-fn between(mesh: TetMesh, (low, high): (f64, f64), turn: &Rotation3<f64>) -> Placed {
-    let (x, y, z) = turn.euler_angles();
-    let turned_deg = [x, y, z].map(f64::to_degrees);
-    Placed { mesh, middle_mm: 0.5 * (low + high), gap_mm: high - low, sphere_radius_mm: None, turned_deg }
+/// A body as it is laid on the lower plate, and as the plates hold it.
+struct Laid {
+    center: Point,
+    pose: Rotation3<f64>,
+    rocking: Option<Rocking>,
 }
 
-fn turn(points: &[Point], center: &Point, placing: &Placing) -> Rotation3<f64> {
-    placing.rotate_deg.map_or_else(
-        || rest::rotation(points, center),
-        |deg| {
+impl Laid {
+    /// Lays a body with these corners and this centre of mass on the lower plate, and lets the plates turn it.
+    ///
+    /// # Errors
+    /// [`ContactError::Flat`] for a body without a volume, [`ContactError::NoRest`] for a rest that it has not.
+    fn new(points: &[Point], center: &Point, placing: &Placing, friction: f64) -> Result<Self, JobError> {
+        let hull = hull_of(points)?;
+        let laid = if let Some(deg) = placing.rotate_deg {
             let [x, y, z] = deg.map(f64::to_radians);
             Rotation3::from_euler_angles(x, y, z)
-        },
-    )
+        } else {
+            let rests = Rests::new(hull.clone(), center, None);
+            let asked = placing.rest.unwrap_or_else(|| rests.reached_from(&-Vector::z()) + 1);
+            let count = rests.rests.len();
+            let rest = asked.checked_sub(1).and_then(|k| rests.rests.get(k));
+            rest.ok_or(ContactError::NoRest { asked, count })?.turn
+        };
+        let hull = hull.about(center);
+        let rocking = (placing.rocking == RockingBy::Rigid).then(|| rocking(&hull, &laid, friction));
+        Ok(Self { center: *center, pose: laid, rocking })
+    }
+
+    /// Where a point of the body is when the plates hold it.
+    fn held(&self, p: &Point) -> Point {
+        let laid = self.pose * (p - self.center);
+        Point::from(self.rocking.as_ref().map_or(laid, |r| r.turned * laid))
+    }
+
+    /// A mesh of the body as it is held, between plates at the lowest and the highest place of the body.
+    fn between(&self, mesh: TetMesh, (low, high): (f64, f64)) -> Placed {
+        let (x, y, z) = self.pose.euler_angles();
+        Placed {
+            mesh,
+            middle_mm: 0.5 * (low + high),
+            gap_mm: high - low,
+            sphere_radius_mm: None,
+            turned_deg: [x, y, z].map(f64::to_degrees),
+            rocking: self.rocking.as_ref().map(RockingResult::from),
+        }
+    }
+}
+
+/// The convex hull of a body's corners.
+///
+/// # Errors
+/// [`ContactError::Flat`].
+pub(in crate::jobs) fn hull_of(points: &[Point]) -> Result<ConvexHull, JobError> {
+    Ok(ConvexHull::new(points).ok_or(ContactError::Flat)?)
 }
 
 fn reach(points: &[Point]) -> (f64, f64) {
@@ -200,7 +288,7 @@ fn reach(points: &[Point]) -> (f64, f64) {
 }
 
 /// The centre of the volume that a closed surface bounds.
-fn surface_center(surface: &TriangleMesh) -> Point {
+pub(in crate::jobs) fn surface_center(surface: &TriangleMesh) -> Point {
     let from = surface.bounds().map_or_else(Point::origin, |b| b.center());
     let (mut sum, mut volume) = (Vector::zeros(), 0.0);
     for t in 0..surface.triangles.len() {

@@ -1,5 +1,6 @@
 //! What a compression is made of and what comes out of it, as files and callers have it.
 
+use super::RockingResult;
 use grainrig_core::contact::experiment::Reading;
 use grainrig_core::contact::{
     Agreement, Contact, CurvePoint, Energy, HertzFit, Loading, Material, QuasiStatic, Sample, Transition,
@@ -20,12 +21,16 @@ pub struct CompressSettings {
     pub loading: Loading,
     /// Height of the middle between the plates, mm, in the mesh's frame.
     pub middle_mm: f64,
-    /// The plates' distance at the approach nought, mm.
+    /// The plates' distance where the finite elements begin, mm: at the approach nought, or where the plates hold a grain that
+    /// they turned.
     pub gap_mm: f64,
     /// The radius, where the body is a sphere, mm.
     pub sphere_radius_mm: Option<f64>,
     /// How the body was turned to come to rest, about x, then y, then z, degrees: what `--rotate-deg` takes.
     pub placed_deg: [f64; 3],
+    /// How the plates turned it from there as a rigid body, before the finite elements begin.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rocking: Option<RockingResult>,
     /// The force at which `δ_i` is read, N.
     pub transition_n: f64,
     /// The force asked for, N, where the run goes on past it, to four times `transition_n`, so that `δ_i` is known to be the last
@@ -41,6 +46,18 @@ pub struct CompressSettings {
 }
 
 impl CompressSettings {
+    /// The approach of the plates that went into turning the grain before the finite elements begin, mm.
+    pub fn rocked_mm(&self) -> f64 {
+        self.rocking.map_or(0.0, |r| r.approach_mm)
+    }
+
+    /// The curve while the plates turned the grain, without a force to speak of, up to where the finite elements' begins.
+    pub(super) fn rocking_curve(&self, begins_mm: f64) -> impl Iterator<Item = CurvePoint> {
+        let rocked = Some(self.rocked_mm().min(begins_mm)).filter(|mm| *mm > 0.0);
+        let ends = rocked.map(|mm| [0.0, mm].map(|approach_mm| CurvePoint { approach_mm, force_n: 0.0 }));
+        ends.into_iter().flatten()
+    }
+
     /// What a person should know of a run that goes on past the force asked for.
     pub fn goes_on(&self) -> Option<String> {
         let (asked_n, to_n) = self.goes_on_from_n.zip(self.loading.to_force_n)?;
@@ -70,6 +87,9 @@ pub struct CompressResult {
     /// The approach at which the force passes `settings.transition_n` for the last time, mm; `transition` says whether it is known
     /// that it is the last.
     pub delta_i_mm: Option<f64>,
+    /// What of it came after the plates held the grain, mm: `delta_i_mm` is this and `settings.rocking.approach_mm`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub deformation_mm: Option<f64>,
     /// How `delta_i_mm` was read.
     #[serde(default)]
     pub transition: Option<Transition>,

@@ -1,6 +1,6 @@
 //! The files of a compression.
 
-use super::{CompressResult, ExperimentResult, JobError, OtherCurve};
+use super::{CompressResult, ExperimentResult, JobError, OtherCurve, RockingResult};
 use crate::session::{LOCK, write_whole};
 use grainrig_core::contact::experiment::LoadingEnd;
 use grainrig_core::contact::{Press, Program, Sample, Transition, hertz, section};
@@ -125,7 +125,8 @@ pub(super) fn write(
         material: &s.material,
         plates_mm: [s.middle_mm - beyond, s.middle_mm + beyond],
         friction: s.friction,
-        approach_mm: (s.loading.to_approach_mm.unwrap_or(approach_mm) + earlier_mm).max(1e-6),
+        // The deck begins with the grain as the plates hold it.
+        approach_mm: (s.loading.to_approach_mm.unwrap_or(approach_mm) - s.rocked_mm() + earlier_mm).max(1e-6),
         seconds: press.samples().last().map_or(1e-5, |x| x.time_s),
         damping_per_s: press.dynamics().damping_per_s,
         scaled_to_s: press.body().scaled_to_s(),
@@ -254,6 +255,7 @@ fn sheet(press: &Press, result: &CompressResult, others: &[OtherCurve]) -> Sheet
         s.material.poisson,
         s.friction
     )];
+    figures.extend(s.rocking.as_ref().map(|r| format!("rocking: {}", rocking_line(r))));
     figures.extend(s.goes_on());
     figures.extend(
         result.transition.map(|t| format!("delta_i at {} N: {}", s.transition_n, transition_line(&t))),
@@ -291,6 +293,25 @@ pub fn transition_line(t: &Transition) -> String {
         );
     }
     line
+}
+
+/// How the plates turned a grain before they held it, as a person reads it.
+pub fn rocking_line(r: &RockingResult) -> String {
+    if r.turned_deg <= 0.0 {
+        let by = if r.held_by_friction { " by friction" } else { "" };
+        return format!("none: the plates hold the grain as it lies{by} (gap angle {:.2}°)", r.from_gap_deg);
+    }
+    let end = if r.held_by_friction {
+        format!("friction holds it, at a gap angle of {:.2}°", r.to_gap_deg)
+    } else {
+        "its upper contacts stand above the lower ones".to_owned()
+    };
+    format!(
+        "{:.2} µm of approach: the plates turn the grain by {:.2}° (gap angle {:.2}° at first) until {end}",
+        1e3 * r.approach_mm,
+        r.turned_deg,
+        r.from_gap_deg
+    )
 }
 
 /// What a test says, and what was taken for zero, contact and end.

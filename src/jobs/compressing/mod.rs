@@ -20,12 +20,13 @@ mod reporter;
 mod tests;
 
 pub use asked::{Claim, CompressMaterial, CompressRequest};
-pub use body::{CompressInput, Placing};
+pub use body::{CompressInput, Placing, RockingBy, RockingResult};
+pub(in crate::jobs) use body::{doubts, hull_of, surface_center};
 pub use catalogue::{CompressDetails, CompressFile, CompressLine, CompressState};
 pub use figures::{
     CompressProgress, CompressResult, CompressSettings, EnergyResult, ExperimentResult, OtherCurve,
 };
-pub use files::{experiment_lines, transition_line};
+pub use files::{experiment_lines, rocking_line, transition_line};
 pub use host::CompressHost;
 pub use options::CompressOptions;
 
@@ -107,12 +108,13 @@ impl Compression {
     /// Meshes what was claimed.
     fn meshed(claim: Claim, told: &mut dyn FnMut(&str, f64)) -> Result<Self, JobError> {
         let Claim { folder, held, input, placing, mut settings } = claim;
-        let placed = body::placed(&input, &placing, told)?;
+        let placed = body::placed(&input, &placing, settings.friction, told)?;
         settings.source = input.name();
         settings.middle_mm = placed.middle_mm;
         settings.gap_mm = placed.gap_mm;
         settings.sphere_radius_mm = placed.sphere_radius_mm;
         settings.placed_deg = placed.turned_deg;
+        settings.rocking = placed.rocking;
         told("finding the time step", 0.0);
         let press = press(&placed.mesh, &settings)?;
         let text = to_json(&settings).map_err(|e| JobError::Encode(e.to_string()))?;
@@ -155,7 +157,10 @@ impl Compression {
 
     /// Force against the approach of the plates, so far.
     pub fn curve(&self) -> Vec<CurvePoint> {
-        self.press.samples().iter().map(CurvePoint::from).collect()
+        let samples = self.press.samples();
+        // A mesh's nodes may lie outside the body: then the plates come to them before the turning is done.
+        let begins_mm = samples.first().map_or(f64::INFINITY, |s| s.approach_mm);
+        self.settings.rocking_curve(begins_mm).chain(samples.iter().map(CurvePoint::from)).collect()
     }
 
     /// Computes to the end, or until `stop` is set, and writes the results either way.
@@ -230,7 +235,7 @@ impl Compression {
     fn results(&self, wall_s: f64) -> Result<CompressResult, JobError> {
         let press = &self.press;
         let (samples, settings) = (press.samples(), &self.settings);
-        let curve: Vec<CurvePoint> = samples.iter().map(CurvePoint::from).collect();
+        let curve = self.curve();
         let transition = transition(&curve, settings.transition_n);
         let delta_i_mm = transition.map(|t| t.delta_i_mm);
         let quasi = quasi_static(samples, settings.transition_n);
@@ -257,6 +262,12 @@ impl Compression {
                 100.0 * energy.balance_error()
             ));
         }
+        if settings.loading.to_approach_mm.is_some_and(|to_mm| to_mm < settings.rocked_mm()) {
+            warnings.push(format!(
+                "the approach asked for ends while the plates still turn the grain, which takes {:.2} µm of it",
+                1e3 * settings.rocked_mm()
+            ));
+        }
         if !press.finished() {
             warnings
                 .push("the compression was interrupted: `grainrig compress --resume` goes on with it".into());
@@ -275,6 +286,9 @@ impl Compression {
             finished: press.finished(),
             curve,
             delta_i_mm,
+            deformation_mm: delta_i_mm
+                .filter(|_| settings.rocking.is_some())
+                .map(|d| d - settings.rocked_mm()),
             transition,
             hertz: fit,
             over_two_plate_form,
@@ -336,7 +350,8 @@ fn round(value: &mut serde_json::Value) {
 }
 
 fn press(mesh: &TetMesh, s: &CompressSettings) -> Result<Press, ContactError> {
-    Press::new(mesh, &s.material, s.middle_mm, s.gap_mm, s.friction, &s.loading)
+    let press = Press::new(mesh, &s.material, s.middle_mm, s.gap_mm, s.friction, &s.loading)?;
+    Ok(press.rocked(s.rocked_mm()))
 }
 
 /// The samples at which another eighth of the way was passed.

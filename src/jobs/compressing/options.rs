@@ -155,6 +155,21 @@ impl CompressOptions {
         Ok(Some(Recording::read(&context.names.session(given)?)?))
     }
 
+    /// The body, whatever it comes from.
+    ///
+    /// # Errors
+    /// [`JobError`]: no such session or file, one without a grain, a surface that is not closed.
+    pub(in crate::jobs) fn input_body(
+        &self,
+        context: &Context,
+        told: &mut dyn FnMut(&str, f64),
+    ) -> Result<CompressInput, JobError> {
+        match self.recording(context)? {
+            Some(recording) => grain(&recording),
+            None => self.body(context, told),
+        }
+    }
+
     /// The body of a file, or a sphere; `told` hears of one that was inside out.
     fn body(&self, context: &Context, told: &mut dyn FnMut(&str, f64)) -> Result<CompressInput, JobError> {
         if let Some(d) = self.sphere_diameter_mm {
@@ -198,8 +213,8 @@ impl CompressOptions {
         let of_body = match &error {
             JobError::Mesh(_) | JobError::Doubt(_) => true,
             JobError::Contact(e) => {
-                use ContactError::{Parameter, Setting, Unstable};
-                !matches!(e, Setting { .. } | Parameter { .. } | Unstable { .. })
+                use ContactError::{NoRest, Parameter, Setting, Unstable};
+                !matches!(e, Setting { .. } | Parameter { .. } | Unstable { .. } | NoRest { .. })
             }
             _ => false,
         };

@@ -1,0 +1,288 @@
+//! How a grain can come to lie, and how closing plates turn it.
+
+use super::compressing::{
+    CompressInput, CompressOptions, CompressRequest, Placing, doubts, hull_of, surface_center,
+};
+use super::mesh_files::Unit;
+use super::{Context, JobError};
+use crate::session::write_whole;
+use grainrig_core::contact::{ContactError, Plates, Rest, Rests, Rocking, rocking};
+use grainrig_core::geometry::{Point, TriangleMesh, Vector};
+use grainrig_core::plausible::{self, FRICTION};
+use grainrig_core::report::{Pose, Poses};
+use serde::{Deserialize, Serialize};
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+/// Rests beyond which it is likely that a surface rests on its facets.
+const FACETS: usize = 40;
+/// Rests that are drawn.
+const DRAWN: usize = 24;
+
+/// The rests of a grain.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, utoipa::ToSchema, clap::Args)]
+#[serde(deny_unknown_fields)]
+pub struct RestsOptions {
+    /// A session, a mesh of tetrahedra or a closed surface.
+    #[schema(value_type = String)]
+    pub input: PathBuf,
+    /// Unit of the file's numbers.
+    #[arg(long, value_enum, default_value_t = Unit::Mm)]
+    #[serde(default)]
+    pub unit: Unit,
+    /// Coulomb's friction between plates and grain; 0.2 unless given.
+    #[arg(long, value_name = "MU", allow_negative_numbers = true)]
+    pub friction: Option<f64>,
+    /// The least lift of the grain's centre that makes a rest one of its own, mm; a hundred thousandth of the grain's radius unless
+    /// given. Rests less than 3° apart that take ten times that at most are one in any case: a round surface's facets.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub least_lift_mm: Option<f64>,
+    /// Folder for rests.csv and rests.png; NAME-rests unless given.
+    #[arg(long, value_name = "DIR")]
+    #[schema(value_type = Option<String>)]
+    pub out: Option<PathBuf>,
+    /// Take figures as they are that look like slips of unit.
+    #[arg(skip)]
+    #[serde(default)]
+    pub as_given: bool,
+}
+
+/// What there is to know of the rests of a grain.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RestsResult {
+    /// The body.
+    pub source: String,
+    /// Coulomb's friction between plates and grain.
+    pub friction: f64,
+    /// The least lift of the centre that made a rest one of its own, mm.
+    pub least_lift_mm: f64,
+    /// The rest that the grain comes to from how it lies in its file, or was photographed; 1 is the most likely.
+    pub as_photographed: usize,
+    /// All rests, the most likely first.
+    pub rests: Vec<RestLine>,
+    /// What was written, as it was named.
+    pub files: Vec<String>,
+    /// What a person should know.
+    pub warnings: Vec<String>,
+}
+
+/// A rest.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RestLine {
+    /// Its number, as `compress --rest` takes it.
+    pub rest: usize,
+    /// The chance that the grain comes to lie so when it is let down at random, 0 to 1.
+    pub chance: f64,
+    /// The grain's height as it lies, mm: the plates' distance where both first touch it.
+    pub height_mm: f64,
+    /// The height of its centre of mass over the plate, mm.
+    pub center_mm: f64,
+    /// The lift of the centre that it takes to leave the rest for a lower one, mm; none for the lowest.
+    pub lift_mm: Option<f64>,
+    /// What it stands on: corners of its convex hull as it lies, x, y and z from the centre of mass, mm.
+    pub feet_mm: Vec<[f64; 3]>,
+    /// The angle between the plates' normal and the shortest line from the feet to the upper contacts, degrees.
+    pub gap_deg: f64,
+    /// Whether closing plates turn it.
+    pub rocks: bool,
+    /// How far they come meanwhile, mm.
+    pub rocking_mm: f64,
+    /// How far they turn it, degrees.
+    pub rocking_deg: f64,
+    /// Whether friction holds it in the end; if not, its upper contacts stand above the lower ones.
+    pub held_by_friction: bool,
+    /// What `compress --rotate-deg` takes to lay it so, degrees.
+    pub rotate_deg: [f64; 3],
+}
+
+impl RestLine {
+    fn new(number: usize, rest: &Rest, rocked: &Rocking) -> Self {
+        let (x, y, z) = rest.turn.euler_angles();
+        let [gap, _] = rocked.slopes;
+        Self {
+            rest: number,
+            chance: rest.chance,
+            height_mm: rocked.from_mm,
+            center_mm: rest.center_mm,
+            lift_mm: Some(rest.lift_mm).filter(|mm| mm.is_finite()),
+            feet_mm: rocked.first.lower.iter().map(|p| p.coords.into()).collect(),
+            gap_deg: gap.atan().to_degrees(),
+            rocks: rocked.approach_mm() > 0.0,
+            rocking_mm: rocked.approach_mm(),
+            rocking_deg: rocked.angle().to_degrees(),
+            held_by_friction: rocked.held_by_friction,
+            rotate_deg: [x, y, z].map(f64::to_degrees),
+        }
+    }
+}
+
+impl RestsOptions {
+    /// Whether it makes sense, as far as that can be told before the body is read.
+    ///
+    /// # Errors
+    /// [`JobError`].
+    pub fn check(&self, context: &Context) -> Result<(), JobError> {
+        let friction = self.friction()?;
+        self.check_lift()?;
+        plausible::settle(FRICTION.doubt(friction).into_iter().collect(), self.as_given || context.as_given)?;
+        self.read().check(context)?;
+        context.names.output(&self.folder()).map(drop)
+    }
+
+    /// Finds the rests, and writes the table and the picture.
+    ///
+    /// # Errors
+    /// [`JobError`]: no such body, one without a volume, a friction that makes no sense, a disk that fails.
+    pub fn run(&self, context: &Context) -> Result<RestsResult, JobError> {
+        let friction = self.friction()?;
+        self.check_lift()?;
+        let options = self.read();
+        let mut warnings = Vec::new();
+        let input = options.input_body(context, &mut |what, _| {
+            warnings.extend(what.contains(':').then(|| what.to_owned()));
+        })?;
+        let found = doubts(&input, &Placing::default(), None).into_iter().chain(FRICTION.doubt(friction));
+        warnings.extend(plausible::settle(found.collect(), self.as_given || context.as_given)?);
+        let source = input.name();
+        let surface = surface(input)?;
+        let center = surface_center(&surface);
+        let rests = Rests::new(hull_of(&surface.vertices)?, &center, self.least_lift_mm);
+        let mut lines = Vec::new();
+        let mut poses = Vec::new();
+        let as_photographed = rests.reached_from(&-Vector::z()) + 1;
+        for (k, rest) in rests.rests.iter().enumerate() {
+            context.working("rests", k as f64 / rests.rests.len() as f64);
+            let rocked = rocking(rests.hull(), &rest.turn, friction);
+            let line = RestLine::new(k + 1, rest, &rocked);
+            if poses.len() < DRAWN {
+                poses.push(pose(&surface, &center, rest, &rocked, captions(&line, as_photographed)));
+            }
+            lines.push(line);
+        }
+        if self.least_lift_mm.is_some() {
+            warnings.push(
+                "with a least lift of your own the rests' numbers are not those of `compress --rest`: give it rotate_deg".into(),
+            );
+        }
+        if lines.len() > FACETS {
+            warnings.push(format!(
+                "{} rests are many: where the surface's facets are coarse the grain rests on each of them; a finer surface, or \
+                 --least-lift-mm above the {:.2e} mm used, counts those together",
+                lines.len(),
+                rests.least_lift_mm
+            ));
+        }
+        if lines.len() > DRAWN {
+            warnings.push(format!("rests.png shows the {DRAWN} most likely of {} rests", lines.len()));
+        }
+        let folder = self.folder();
+        let place = context.names.output(&folder)?;
+        std::fs::create_dir_all(&place).map_err(|source| JobError::Write { path: place.clone(), source })?;
+        let title = format!("Rests of {source}, between plates of friction {friction}");
+        let png = Poses { title, poses }.png().map_err(|e| JobError::Encode(e.to_string()))?;
+        let mut files = Vec::new();
+        for (name, bytes) in [("rests.csv", table(&lines).into_bytes()), ("rests.png", png)] {
+            write_whole(&place, name, &bytes)?;
+            files.push(folder.join(name).display().to_string());
+        }
+        let least_lift_mm = rests.least_lift_mm;
+        Ok(RestsResult { source, friction, least_lift_mm, as_photographed, rests: lines, files, warnings })
+    }
+
+    fn friction(&self) -> Result<f64, ContactError> {
+        let friction = self.friction.unwrap_or(CompressRequest::default().friction);
+        // Any body will do to look at it.
+        Plates { lower_mm: 0.0, upper_mm: 1.0, friction }.check(0.0, 1.0)?;
+        Ok(friction)
+    }
+
+    fn check_lift(&self) -> Result<(), ContactError> {
+        let Some(value) = self.least_lift_mm.filter(|mm| !(mm.is_finite() && *mm >= 0.0)) else {
+            return Ok(());
+        };
+        let (name, unit, limit, remedy) = ("least_lift_mm", "mm", "not negative, and finite", "leave it out");
+        Err(ContactError::Setting { name, value, unit, limit, remedy })
+    }
+
+    /// The body as a compression reads it.
+    fn read(&self) -> CompressOptions {
+        CompressOptions { input: Some(self.input.clone()), unit: self.unit, ..CompressOptions::default() }
+    }
+
+    fn folder(&self) -> PathBuf {
+        self.out.clone().unwrap_or_else(|| {
+            let stem = if self.read().is_file() { self.input.file_stem() } else { self.input.file_name() };
+            format!("{}-rests", stem.unwrap_or_default().to_string_lossy()).into()
+        })
+    }
+}
+
+/// The surface of what is pressed.
+fn surface(input: CompressInput) -> Result<TriangleMesh, JobError> {
+    match input {
+        CompressInput::Surface(surface, _) => Ok(surface),
+        CompressInput::Mesh(mesh, _) => {
+            mesh.check().map_err(ContactError::Mesh)?;
+            Ok(mesh.surface().triangles)
+        }
+        CompressInput::Sphere(_) => {
+            Err(JobError::Usage("a sphere lies anyhow; give a session or a file".into()))
+        }
+    }
+}
+
+fn pose(
+    surface: &TriangleMesh,
+    center: &Point,
+    rest: &Rest,
+    rocked: &Rocking,
+    captions: Vec<String>,
+) -> Pose {
+    let corners = |t: usize| surface.corners(t).map(|p| Point::from(rest.turn * (p - center)));
+    Pose {
+        captions,
+        surface: (0..surface.triangles.len()).map(corners).collect(),
+        lower: rocked.first.lower.clone(),
+        upper: rocked.first.upper.clone(),
+    }
+}
+
+fn captions(line: &RestLine, as_photographed: usize) -> Vec<String> {
+    let photographed = if line.rest == as_photographed { ", as photographed" } else { "" };
+    let rocks = if line.rocks {
+        format!("rocks {:.1} µm, {:.1}°", 1e3 * line.rocking_mm, line.rocking_deg)
+    } else {
+        "held as it lies".to_owned()
+    };
+    vec![
+        format!("{}: {:.1} %{photographed}", line.rest, 100.0 * line.chance),
+        format!("gap {:.1}°, {rocks}", line.gap_deg),
+    ]
+}
+
+/// The rests as CSV (RFC 4180), with a line of names.
+fn table(lines: &[RestLine]) -> String {
+    let mut out = String::from(
+        "rest,chance,height_mm,center_mm,lift_mm,feet,gap_deg,rocks,rocking_mm,rocking_deg,held_by_friction,\
+         rotate_x_deg,rotate_y_deg,rotate_z_deg\n",
+    );
+    for l in lines {
+        let lift = l.lift_mm.map_or_else(String::new, |mm| format!("{mm:.6}"));
+        let [x, y, z] = l.rotate_deg;
+        let _ = writeln!(
+            out,
+            "{},{:.5},{:.6},{:.6},{lift},{},{:.4},{},{:.6},{:.4},{},{x:.4},{y:.4},{z:.4}",
+            l.rest,
+            l.chance,
+            l.height_mm,
+            l.center_mm,
+            l.feet_mm.len(),
+            l.gap_deg,
+            l.rocks,
+            l.rocking_mm,
+            l.rocking_deg,
+            l.held_by_friction
+        );
+    }
+    out
+}

@@ -1,0 +1,152 @@
+//! How grains come to lie and how plates turn them, by the real program.
+
+use grainrig_core::formats::stl;
+use grainrig_core::geometry::{Point, TriangleMesh};
+use serde_json::Value;
+use std::process::{Command, Output};
+use tempfile::TempDir;
+
+fn grainrig(folder: &TempDir, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_grainrig")).current_dir(folder.path()).args(args).output().unwrap()
+}
+
+fn json(folder: &TempDir, args: &[&str]) -> Value {
+    let run = grainrig(folder, &[&["--json"], args].concat());
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    serde_json::from_slice(&run.stdout).unwrap()
+}
+
+/// A block of this size in a folder of its own, as the program reads it.
+fn block(size: [f64; 3]) -> TempDir {
+    let corner = |i: usize| {
+        let at = |k: usize| if i >> k & 1 == 1 { size[k] } else { 0.0 };
+        Point::new(at(0), at(1), at(2))
+    };
+    let triangles = vec![
+        [0, 2, 1],
+        [1, 2, 3],
+        [4, 5, 6],
+        [5, 7, 6],
+        [0, 1, 4],
+        [1, 5, 4],
+        [2, 6, 3],
+        [3, 6, 7],
+        [0, 4, 2],
+        [2, 4, 6],
+        [1, 3, 5],
+        [3, 7, 5],
+    ];
+    let surface = TriangleMesh { vertices: (0..8).map(corner).collect(), triangles };
+    surface.check().unwrap();
+    let folder = TempDir::new().unwrap();
+    let mut bytes = Vec::new();
+    stl::write(&surface, &mut bytes).unwrap();
+    std::fs::write(folder.path().join("block.stl"), bytes).unwrap();
+    folder
+}
+
+#[test]
+fn a_block_has_six_rests_with_a_picture_of_each() {
+    let folder = block([0.8, 0.6, 0.4]);
+    let found = json(&folder, &["rests", "block.stl"]);
+    let rests = found["rests"].as_array().unwrap();
+    assert_eq!(rests.len(), 6);
+    assert_eq!(found["as_photographed"].as_u64().map(|n| n <= 2), Some(true), "it lies on a broad side");
+    let f = |r: &Value, key: &str| r[key].as_f64().unwrap();
+    assert!((rests.iter().map(|r| f(r, "chance")).sum::<f64>() - 1.0).abs() < 1e-9);
+    for (r, height) in rests.iter().zip([0.4, 0.4, 0.6, 0.6, 0.8, 0.8]) {
+        assert!((f(r, "height_mm") - height).abs() < 1e-6, "{r}");
+        assert!(f(r, "gap_deg") < 1e-6 && r["rocks"] == false && f(r, "rocking_mm") == 0.0, "{r}");
+        assert_eq!(r["feet_mm"].as_array().unwrap().len(), 4);
+    }
+    assert_eq!(rests.iter().filter(|r| r["lift_mm"].is_null()).count(), 1, "the lowest alone has none");
+    let csv = std::fs::read_to_string(folder.path().join("block-rests/rests.csv")).unwrap();
+    assert_eq!(csv.lines().count(), 7);
+    let png = image::open(folder.path().join("block-rests/rests.png")).unwrap();
+    assert!(png.width() >= 4 * 280 && png.height() >= 2 * 280);
+    // The same, by a person's eyes.
+    let said = String::from_utf8(grainrig(&folder, &["rests", "block.stl"]).stdout).unwrap();
+    for part in ["plates of friction 0.2", "stands; as photographed", "block-rests/rests.png"] {
+        assert!(said.contains(part), "{said}");
+    }
+}
+
+#[test]
+fn what_makes_no_sense_is_refused_with_its_limit() {
+    let folder = block([0.8, 0.6, 0.4]);
+    for (args, code, words) in [
+        (&["rests", "block.stl", "--friction", "-0.1"][..], 2, &["friction", "not negative"][..]),
+        (&["rests", "block.stl", "--least-lift-mm", "-1"], 2, &["least_lift_mm", "not negative"]),
+        (&["rests", "nothing.stl"], 1, &["nothing.stl"]),
+        (&["compress", "block.stl", "--rest", "7"], 2, &["rest 7", "1 to 6", "grainrig rests"]),
+        (&["compress", "block.stl", "--rest", "0"], 2, &["rest 0", "1 to 6"]),
+        (&["compress", "block.stl", "--rest", "1", "--rotate-deg", "0", "0", "0"], 2, &["--rest"]),
+    ] {
+        let run = grainrig(&folder, args);
+        let said = String::from_utf8_lossy(&run.stderr).into_owned();
+        assert_eq!(run.status.code(), Some(code), "{args:?}: {said}");
+        assert!(words.iter().all(|w| said.contains(w)), "{args:?}: {said}");
+    }
+}
+
+/// A block that leans is turned upright by the plates first: as far as the closed form says, whatever their speed; then it is
+/// pressed from there.
+#[test]
+fn approach_is_rocking_and_deformation() {
+    let (height, width, tilt) = (0.8, 0.6, 6f64);
+    let folder = block([width, 0.4, height]);
+    let coarse = ["--size-mm", "0.12", "--to-approach-mm", "0.0593", "--rotate-deg", "0", "6", "0"];
+    let (s, c) = tilt.to_radians().sin_cos();
+    let rocking = height * c + width * s - height;
+    let mut forces = Vec::new();
+    for (name, more) in [("usual", &[][..]), ("fast", &["--speed", "4"])] {
+        let args = [&["compress", "block.stl", "--out", name][..], &coarse, more].concat();
+        let r = json(&folder, &args);
+        let by = &r["settings"]["rocking"];
+        assert!((by["approach_mm"].as_f64().unwrap() - rocking).abs() < 1e-6, "{by}");
+        assert!((by["turned_deg"].as_f64().unwrap() - tilt).abs() < 1e-4 && by["held_by_friction"] == false);
+        let curve: Vec<[f64; 2]> = (r["curve"].as_array().unwrap().iter())
+            .map(|p| [p["approach_mm"].as_f64().unwrap(), p["force_n"].as_f64().unwrap()])
+            .collect();
+        assert!(curve[0][0] == 0.0 && curve[0][1] == 0.0, "{:?}", curve[0]);
+        assert!((curve[1][0] - rocking).abs() < 1e-4 && curve[1][1] == 0.0, "{:?}", curve[1]);
+        assert!(curve.windows(2).all(|w| w[0][0] <= w[1][0]), "the approach only grows");
+        let (delta, part) = (r["delta_i_mm"].as_f64().unwrap(), r["deformation_mm"].as_f64().unwrap());
+        assert!((delta - part - rocking).abs() < 1e-8, "{delta} {part}");
+        forces.push(curve[curve.len() - 1]);
+    }
+    // A column of this section: E A u/H, as near as plates that hold its ends make it.
+    let [at, force] = forces[0];
+    let column = 1e5 * width * 0.4 * (at - rocking) / height;
+    assert!((force / column - 1.0).abs() < 0.15, "{force} {column}");
+    assert!((forces[1][1] / forces[1][0] / (force / at) - 1.0).abs() < 0.05, "{forces:?}");
+}
+
+/// Between plates of friction a grain that leans a little is held as it lies, and what is printed lays it so again.
+#[test]
+fn what_is_printed_can_be_given_back() {
+    let folder = block([0.5, 0.45, 0.4]);
+    let coarse = ["--size-mm", "0.2", "--to-approach-mm", "0.0002"];
+    let first =
+        json(&folder, &[&["compress", "block.stl", "--rest", "3", "--out", "a"][..], &coarse].concat());
+    let deg = first["settings"]["placed_deg"].as_array().unwrap().clone();
+    let given: Vec<String> = deg.iter().map(ToString::to_string).collect();
+    let args = ["compress", "block.stl", "--out", "b", "--rotate-deg", &given[0], &given[1], &given[2]];
+    let again = json(&folder, &[&args[..], &coarse].concat());
+    let height = |r: &Value| r["settings"]["gap_mm"].as_f64().unwrap();
+    assert!((height(&first) - height(&again)).abs() < 1e-6 && (height(&first) - 0.45).abs() < 1e-6);
+    for (a, b) in deg.iter().zip(again["settings"]["placed_deg"].as_array().unwrap()) {
+        assert!((a.as_f64().unwrap() - b.as_f64().unwrap()).abs() < 1e-6, "{deg:?}");
+    }
+    let rests = json(&folder, &["rests", "block.stl"]);
+    let listed = rests["rests"][2]["rotate_deg"].as_array().unwrap();
+    for (a, b) in deg.iter().zip(listed) {
+        assert!((a.as_f64().unwrap() - b.as_f64().unwrap()).abs() < 1e-6, "{listed:?}");
+    }
+    // Diagonal within the friction's angle of the normal: the plates hold it on two edges.
+    let leaning =
+        ["--rotate-deg", "0", "51", "0", "--out", "c", "--size-mm", "0.2", "--to-approach-mm", "0.0002"];
+    let held = json(&folder, &[&["compress", "block.stl"][..], &leaning].concat());
+    let by = &held["settings"]["rocking"];
+    assert!(by["held_by_friction"] == true && by["approach_mm"].as_f64() == Some(0.0), "{by}");
+}
