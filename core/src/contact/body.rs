@@ -1,5 +1,6 @@
 //! The finite element model: tetrahedra in the order and the batches in which they are computed, lumped masses.
 
+use super::instructions::Instructions;
 use super::lanes::{Batch, Node, W};
 use super::laws::{MaterialLaw, Moduli};
 use super::{ContactError, Material, element, order};
@@ -35,6 +36,8 @@ pub(super) struct Chunk {
 pub struct Body {
     pub(super) material: Material,
     pub(super) law: Arc<dyn MaterialLaw>,
+    /// What the kernels are computed with; no figure depends on it.
+    pub instructions: Instructions,
     pub(super) chunks: Vec<Chunk>,
     /// Slots for nodal figures that each chunk has in the common list.
     pub(super) stride: usize,
@@ -115,6 +118,7 @@ impl Body {
         Self {
             material: material.clone(),
             law,
+            instructions: Instructions::best(),
             chunks,
             stride,
             slot_starts,
@@ -238,7 +242,7 @@ impl Body {
                 chunk.fetch(positions, local);
                 chunk.fetch(displacements, moved);
                 slots[..chunk.nodes.len()].fill([0.0; 3]);
-                self.law.response(chunk, local, moved, slots);
+                self.law.response(self.instructions, chunk, local, moved, slots);
             },
         );
         out.par_iter_mut().enumerate().with_min_len(1024).for_each(|(n, f)| *f = self.gathered(n, slots));

@@ -10,7 +10,7 @@
 //! nodes are made over blocks of a fixed size. So the same bits come out on any number of threads.
 
 use super::body::{BLOCK, BULK_VISCOSITY};
-use super::lanes::{self, Node, W};
+use super::lanes::{NodalVolumes, Node, W};
 use super::laws::{ChunkOutput, ChunkState, ChunkStep};
 use super::plates::{Closing, Plates, Reaction};
 use super::rigid::Rigid;
@@ -253,8 +253,14 @@ impl Dynamics {
                         pressure.extend(chunk.nodes.iter().map(|&n| pressures[n as usize]));
                     }
                     slots[..chunk.nodes.len()].fill([0.0; 3]);
-                    let at =
-                        ChunkStep { chunk, positions: local, half_positions, pressures: pressure, step_s };
+                    let at = ChunkStep {
+                        instructions: body.instructions,
+                        chunk,
+                        positions: local,
+                        half_positions,
+                        pressures: pressure,
+                        step_s,
+                    };
                     *output = body.law.step(&at, state, slots);
                 },
             );
@@ -268,7 +274,8 @@ impl Dynamics {
             |local, (chunk, volumes)| {
                 chunk.fetch(positions, local);
                 volumes[..chunk.nodes.len()].fill(0.0);
-                chunk.batches.iter().for_each(|batch| lanes::volumes(batch, local, volumes));
+                let batches = chunk.batches.as_slice();
+                body.instructions.run(NodalVolumes { batches, positions: local, volumes });
             },
         );
         let volumes = &self.volumes;

@@ -1,6 +1,8 @@
 //! SIMD batches of eight elements: the same figure of eight elements lies side by side, so that the compiler works on
 //! several in one instruction. What is computed for an element depends on nothing beside it in its batch.
 
+use super::instructions::Kernel;
+
 /// Elements of a batch.
 pub(super) const W: usize = 8;
 /// A figure of each element of a batch.
@@ -26,6 +28,7 @@ pub(super) struct Batch {
 }
 
 /// The sum of a batch's lanes, in their order.
+#[inline(always)]
 pub(super) fn sum(lane: &Lane) -> f64 {
     lane.iter().sum()
 }
@@ -185,17 +188,29 @@ pub(super) fn scatter(batch: &Batch, stress: &Matrices, forces: &mut [Node]) {
     }
 }
 
-/// Adds a quarter of each element's volume to its nodes.
-#[inline(always)]
-pub(super) fn volumes(batch: &Batch, positions: &[Node], out: &mut [f64]) {
-    let f = gradients(batch, &edges(batch, positions));
-    let mut quarter = [0.0; W];
-    for l in 0..W {
-        quarter[l] = 0.25 * batch.volume[l] * cofactors(&pick(&f, l)).1;
-    }
-    for l in 0..W {
-        for k in 0..4 {
-            out[batch.nodes[k][l] as usize] += quarter[l];
+/// Adds a quarter of each element's volume in a chunk to its nodes' slots.
+pub(super) struct NodalVolumes<'a> {
+    pub batches: &'a [Batch],
+    pub positions: &'a [Node],
+    pub volumes: &'a mut [f64],
+}
+
+impl Kernel for NodalVolumes<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for batch in self.batches {
+            let f = gradients(batch, &edges(batch, self.positions));
+            let mut quarter = [0.0; W];
+            for l in 0..W {
+                quarter[l] = 0.25 * batch.volume[l] * cofactors(&pick(&f, l)).1;
+            }
+            for l in 0..W {
+                for k in 0..4 {
+                    self.volumes[batch.nodes[k][l] as usize] += quarter[l];
+                }
+            }
         }
     }
 }

@@ -16,6 +16,7 @@
 
 use super::{ChunkOutput, ChunkState, ChunkStep, Law, MaterialLaw, Moduli, Program};
 use crate::contact::body::Chunk;
+use crate::contact::instructions::{Instructions, Kernel};
 use crate::contact::lanes::{
     Batch, Lane, Matrices, Matrix, Node, W, cofactors, edges, gradients, pick, put, scatter, sum,
     times_transposed,
@@ -51,24 +52,21 @@ impl MaterialLaw for Elastic {
         self.moduli
     }
 
-    fn step(&self, at: &ChunkStep, state: &mut ChunkState, out: &mut [Node]) -> ChunkOutput {
-        let mut output = ChunkOutput::default();
-        for (b, batch) in at.chunk.batches.iter().enumerate() {
-            let before = &mut state.volume_ratio[b];
-            let batch_output = forces::<true>(&self.moduli, batch, at.positions, before, at.step_s, out);
-            output.viscous += batch_output.viscous_n_mm;
-            output.check_volumes(&batch_output.volume_ratio, at.chunk.first + b * W);
-        }
-        output
+    fn step(&self, at: &ChunkStep, state: &mut ChunkState, forces: &mut [Node]) -> ChunkOutput {
+        at.instructions.run(Step { moduli: &self.moduli, at, volume_ratios: &mut state.volume_ratio, forces })
     }
 
-    fn response(&self, chunk: &Chunk, positions: &[Node], displacements: &[Node], out: &mut [Node]) {
+    fn response(
+        &self,
+        instructions: Instructions,
+        chunk: &Chunk,
+        positions: &[Node],
+        displacements: &[Node],
+        forces: &mut [Node],
+    ) {
         let moved: Vec<Node> =
             (positions.iter().zip(displacements)).map(|(x, u)| [0, 1, 2].map(|k| x[k] + u[k])).collect();
-        let mut unused: Lane = [0.0; W];
-        for batch in &chunk.batches {
-            forces::<false>(&self.moduli, batch, &moved, &mut unused, 0.0, out);
-        }
+        instructions.run(Response { moduli: &self.moduli, chunk, moved: &moved, forces });
     }
 
     fn stored_n_mm(&self, chunk: &Chunk, positions: &[Node], _state: &ChunkState) -> f64 {
@@ -81,6 +79,50 @@ impl MaterialLaw for Elastic {
 
     fn deck(&self, _program: Program) -> Option<String> {
         Some(format!("*ELASTIC\n{}, {}\n", self.young_mpa, self.poisson))
+    }
+}
+
+/// A step of a chunk.
+struct Step<'a> {
+    moduli: &'a Moduli,
+    at: &'a ChunkStep<'a>,
+    volume_ratios: &'a mut [Lane],
+    forces: &'a mut [Node],
+}
+
+impl Kernel for Step<'_> {
+    type Output = ChunkOutput;
+
+    #[inline(always)]
+    fn run(self) -> ChunkOutput {
+        let Self { moduli, at, volume_ratios, forces } = self;
+        let mut output = ChunkOutput::default();
+        for (b, (batch, before)) in at.chunk.batches.iter().zip(volume_ratios).enumerate() {
+            let batch_output = add_forces::<true>(moduli, batch, at.positions, before, at.step_s, forces);
+            output.viscous += batch_output.viscous_n_mm;
+            output.check_volumes(&batch_output.volume_ratio, at.chunk.first + b * W);
+        }
+        output
+    }
+}
+
+/// The answer of a chunk whose nodes have moved.
+struct Response<'a> {
+    moduli: &'a Moduli,
+    chunk: &'a Chunk,
+    moved: &'a [Node],
+    forces: &'a mut [Node],
+}
+
+impl Kernel for Response<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let mut unused: Lane = [0.0; W];
+        for batch in &self.chunk.batches {
+            add_forces::<false>(self.moduli, batch, self.moved, &mut unused, 0.0, self.forces);
+        }
     }
 }
 
@@ -109,7 +151,7 @@ fn all_cofactors(f: &Matrices) -> (Matrices, Lane) {
 /// Adds the forces of a batch. With `VISCOUS` the change of the volume since `before` over `step_s` is resisted, and
 /// `before` becomes what is now.
 #[inline(always)]
-fn forces<const VISCOUS: bool>(
+fn add_forces<const VISCOUS: bool>(
     moduli: &Moduli,
     batch: &Batch,
     positions: &[Node],

@@ -10,6 +10,7 @@ mod plastic;
 mod radial_return;
 
 use super::body::Chunk;
+use super::instructions::Instructions;
 use super::lanes::{Lane, Matrix, Node};
 use super::{ContactError, Material};
 use crate::plausible::Quantity;
@@ -146,6 +147,7 @@ pub(super) struct ChunkState {
 /// Where the nodes of a chunk are in a step, side by side in the chunk's order.
 #[derive(Debug)]
 pub(super) struct ChunkStep<'a> {
+    pub instructions: Instructions,
     pub chunk: &'a Chunk,
     /// Their positions, mm.
     pub positions: &'a [Node],
@@ -167,7 +169,7 @@ pub(super) struct ChunkOutput {
 
 impl ChunkOutput {
     /// Notes the first element whose volume is not positive.
-    #[inline]
+    #[inline(always)]
     fn check_volumes(&mut self, volume_ratio: &Lane, first: usize) {
         if volume_ratio.iter().all(|j| *j > 0.0 && *j < f64::INFINITY) || self.broken.is_some() {
             return;
@@ -200,7 +202,14 @@ pub(super) trait MaterialLaw: Debug + Send + Sync {
 
     /// Adds the forces by which a chunk answers elastically to small displacements of its nodes; what it bears without any may be
     /// among them.
-    fn response(&self, chunk: &Chunk, positions: &[Node], displacements: &[Node], forces: &mut [Node]);
+    fn response(
+        &self,
+        instructions: Instructions,
+        chunk: &Chunk,
+        positions: &[Node],
+        displacements: &[Node],
+        forces: &mut [Node],
+    );
 
     /// The elastic energy that a chunk stores, but for that of its nodes' pressures, N·mm.
     fn stored_n_mm(&self, chunk: &Chunk, positions: &[Node], state: &ChunkState) -> f64;

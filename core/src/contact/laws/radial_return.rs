@@ -25,6 +25,7 @@ use super::elastic::BatchOutput;
 use super::{ChunkOutput, ChunkState, ChunkStep, MaterialLaw, Moduli, Program};
 use crate::contact::Material;
 use crate::contact::body::Chunk;
+use crate::contact::instructions::{Instructions, Kernel};
 use crate::contact::lanes::{
     Batch, Lane, Matrix, Node, W, cofactors, edges, gradients, pick, put, rotations, scatter, sum, times,
     times_transposed, transposed_times,
@@ -85,24 +86,19 @@ impl<Y: YieldStress> MaterialLaw for Plastic<Y> {
         Some(self.bulk)
     }
 
-    fn step(&self, at: &ChunkStep, state: &mut ChunkState, out: &mut [Node]) -> ChunkOutput {
-        let mut output = ChunkOutput::default();
-        let (histories, _) = state.history.as_chunks_mut::<HISTORY>();
-        for (b, batch) in at.chunk.batches.iter().enumerate() {
-            let (before, history) = (&mut state.volume_ratio[b], &mut histories[b]);
-            let (batch_output, flowed) = forces(self, batch, at, before, history, out);
-            output.viscous += batch_output.viscous_n_mm;
-            output.plastic += flowed;
-            output.check_volumes(&batch_output.volume_ratio, at.chunk.first + b * W);
-        }
-        output
+    fn step(&self, at: &ChunkStep, state: &mut ChunkState, forces: &mut [Node]) -> ChunkOutput {
+        at.instructions.run(Step { law: self, at, state, forces })
     }
 
-    fn response(&self, chunk: &Chunk, positions: &[Node], displacements: &[Node], out: &mut [Node]) {
-        let lambda = self.bulk - 2.0 / 3.0 * self.shear;
-        for batch in &chunk.batches {
-            elastic_response(lambda, self.shear, batch, positions, displacements, out);
-        }
+    fn response(
+        &self,
+        instructions: Instructions,
+        chunk: &Chunk,
+        positions: &[Node],
+        displacements: &[Node],
+        forces: &mut [Node],
+    ) {
+        instructions.run(Response { law: self, chunk, positions, displacements, forces });
     }
 
     fn stored_n_mm(&self, chunk: &Chunk, _positions: &[Node], state: &ChunkState) -> f64 {
@@ -131,9 +127,58 @@ impl<Y: YieldStress> MaterialLaw for Plastic<Y> {
     }
 }
 
+/// A step of a chunk.
+struct Step<'a, Y> {
+    law: &'a Plastic<Y>,
+    at: &'a ChunkStep<'a>,
+    state: &'a mut ChunkState,
+    forces: &'a mut [Node],
+}
+
+impl<Y: YieldStress> Kernel for Step<'_, Y> {
+    type Output = ChunkOutput;
+
+    #[inline(always)]
+    fn run(self) -> ChunkOutput {
+        let Self { law, at, state, forces } = self;
+        let mut output = ChunkOutput::default();
+        let (histories, _) = state.history.as_chunks_mut::<HISTORY>();
+        for (b, batch) in at.chunk.batches.iter().enumerate() {
+            let (before, history) = (&mut state.volume_ratio[b], &mut histories[b]);
+            let (batch_output, flowed) = add_forces(law, batch, at, before, history, forces);
+            output.viscous += batch_output.viscous_n_mm;
+            output.plastic += flowed;
+            output.check_volumes(&batch_output.volume_ratio, at.chunk.first + b * W);
+        }
+        output
+    }
+}
+
+/// The elastic answer of a chunk to small displacements.
+struct Response<'a, Y> {
+    law: &'a Plastic<Y>,
+    chunk: &'a Chunk,
+    positions: &'a [Node],
+    displacements: &'a [Node],
+    forces: &'a mut [Node],
+}
+
+impl<Y: YieldStress> Kernel for Response<'_, Y> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { law, chunk, positions, displacements, forces } = self;
+        let lambda = law.bulk - 2.0 / 3.0 * law.shear;
+        for batch in &chunk.batches {
+            elastic_response(lambda, law.shear, batch, positions, displacements, forces);
+        }
+    }
+}
+
 /// Adds the forces of a batch after its stress has followed the step; also what plastic flow took, N·mm.
 #[inline(always)]
-fn forces<Y: YieldStress>(
+fn add_forces<Y: YieldStress>(
     law: &Plastic<Y>,
     batch: &Batch,
     at: &ChunkStep,
