@@ -1,7 +1,7 @@
 //! Instruction sets: a kernel is compiled once for each, and the processor decides which one runs.
 //!
-//! Figures are the same bits with every set: each adds and multiplies in the order that the source has, rounds after every
-//! operation (none is fused with the next), and the lanes of a batch know nothing of each other.
+//! Figures are the same bits with every set: each adds and multiplies in the order that the source has and rounds after every
+//! operation (none is fused with the next), and no function of the machine's library is called.
 
 use std::fmt;
 
