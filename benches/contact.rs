@@ -1,16 +1,17 @@
-//! Explicit dynamics: nanoseconds per element and step. Run: `cargo bench --bench contact` (about a minute).
+//! Explicit dynamics: nanoseconds per element and step, with each instruction set that the processor has; the program takes the
+//! last. Run: `cargo bench --bench contact` (about two minutes).
 //!
 //! The yardstick is the machine's memory: a triad a = b + s c over arrays far larger than the caches, on as many threads. An
 //! elastic element moves about 150 bytes a step through memory where the mesh is larger than the caches.
 
-use grainrig_core::contact::{Body, Dynamics, Material, Plates};
+use grainrig_core::contact::{Body, Dynamics, Instructions, Material, Plates};
 use grainrig_core::geometry::{Ball, Point};
 use grainrig_core::mesh::{Controls, mesh};
 use rayon::prelude::*;
 use std::time::Instant;
 
 /// Elements and steps of one figure, multiplied.
-const WORK: usize = 20_000_000;
+const WORK: usize = 10_000_000;
 /// Numbers in each array of the triad.
 const TRIAD: usize = 16_000_000;
 
@@ -37,32 +38,36 @@ fn main() {
         let ball = Ball { center: Point::new(0.0, 0.0, 0.5), radius_mm: 0.5 };
         let made = mesh(&ball, &Controls::for_size(coarser), &mut |_| ()).expect("a mesh");
         for yield_mpa in [None, Some(100.0)] {
-            let body = Body::new(&made, &Material { yield_mpa, ..Material::default() }).expect("a body");
+            let mut body = Body::new(&made, &Material { yield_mpa, ..Material::default() }).expect("a body");
             let fresh = Dynamics::new(&body);
             let step_s = 0.9 * fresh.stable_step_s(&body);
             let steps = (WORK / body.elements()).max(10);
-            let mut one = f64::NAN;
-            for (threads, pool) in &pools {
-                let mut dynamics = fresh.clone();
-                let mut plates = Plates { lower_mm: 0.0, upper_mm: 1.0, friction: 0.2 };
-                let seconds = pool.install(|| {
-                    let start = Instant::now();
-                    for _ in 0..steps {
-                        dynamics.step(&body, &mut plates, [500.0, -500.0], step_s).expect("a step");
+            for set in Instructions::available() {
+                body.instructions = set;
+                let mut one = f64::NAN;
+                for (threads, pool) in &pools {
+                    let mut dynamics = fresh.clone();
+                    let mut plates = Plates { lower_mm: 0.0, upper_mm: 1.0, friction: 0.2 };
+                    let seconds = pool.install(|| {
+                        let start = Instant::now();
+                        for _ in 0..steps {
+                            dynamics.step(&body, &mut plates, [500.0, -500.0], step_s).expect("a step");
+                        }
+                        start.elapsed().as_secs_f64()
+                    });
+                    let each = 1e9 * seconds / steps as f64 / body.elements() as f64;
+                    if *threads == 1 {
+                        one = each;
                     }
-                    start.elapsed().as_secs_f64()
-                });
-                let each = 1e9 * seconds / steps as f64 / body.elements() as f64;
-                if *threads == 1 {
-                    one = each;
+                    println!(
+                        "{:8} elements, {:7}, {:>8}, {threads} thread(s): {each:5.1} ns per element and step, {:.2} x one thread, {} bytes each",
+                        body.elements(),
+                        if yield_mpa.is_some() { "plastic" } else { "elastic" },
+                        set.to_string(),
+                        one / each,
+                        (body.bytes() + dynamics.bytes()) / body.elements()
+                    );
                 }
-                println!(
-                    "{:8} elements, {:7}, {threads} thread(s): {each:5.1} ns per element and step, {:.2} x one thread, {} bytes each",
-                    body.elements(),
-                    if yield_mpa.is_some() { "plastic" } else { "elastic" },
-                    one / each,
-                    (body.bytes() + dynamics.bytes()) / body.elements()
-                );
             }
         }
     }

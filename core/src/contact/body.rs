@@ -1,14 +1,16 @@
 //! The finite element model: tetrahedra in the order and the batches in which they are computed, lumped masses.
 
-use super::lanes::{Batch, Node, W};
+use super::instructions::Instructions;
+use super::lanes::{Batch, Local, Node, PLACES, W};
 use super::laws::{MaterialLaw, Moduli};
 use super::{ContactError, Material, element, order};
 use crate::mesh::TetMesh;
 use rayon::prelude::*;
 use std::collections::HashMap;
+use std::ops::Range;
 use std::sync::Arc;
 
-/// Tetrahedra of a chunk: its nodes' positions and forces (about 15 kB) stay in a core's nearest cache.
+/// Tetrahedra of a chunk: its nodes' positions and forces (about 20 kB) stay in a core's nearest cache.
 const CHUNK: usize = 1024;
 /// Nodes of a block, over which sums are made one after another.
 pub(super) const BLOCK: usize = 1024;
@@ -35,6 +37,8 @@ pub(super) struct Chunk {
 pub struct Body {
     pub(super) material: Material,
     pub(super) law: Arc<dyn MaterialLaw>,
+    /// What the kernels are computed with; no figure depends on it.
+    pub instructions: Instructions,
     pub(super) chunks: Vec<Chunk>,
     /// Slots for nodal figures that each chunk has in the common list.
     pub(super) stride: usize,
@@ -88,10 +92,9 @@ impl Body {
             .par_iter()
             .map(|t| element::critical_time_step_s(&moduli, density, &corners(&reference, t)))
             .collect();
-        let chunks: Vec<Chunk> = tets
-            .par_chunks(CHUNK)
-            .enumerate()
-            .map(|(i, tets)| chunk(&moduli, density, &reference, tets, &limits[i * CHUNK..], i * CHUNK))
+        let chunks: Vec<Chunk> = chunk_ranges(&tets, reference.len())
+            .into_par_iter()
+            .map(|r| chunk(&moduli, density, &reference, &tets[r.clone()], &limits[r.clone()], r.start))
             .collect();
         let stride = chunks.iter().map(|c| c.nodes.len()).max().unwrap_or(0);
         let mut slots_of: Vec<Vec<u32>> = vec![Vec::new(); reference.len()];
@@ -115,6 +118,7 @@ impl Body {
         Self {
             material: material.clone(),
             law,
+            instructions: Instructions::best(),
             chunks,
             stride,
             slot_starts,
@@ -233,22 +237,39 @@ impl Body {
         out: &mut [Node],
     ) {
         self.chunks.par_iter().zip(slots.par_chunks_mut(self.stride)).for_each_init(
-            || (Vec::new(), Vec::new()),
-            |(local, moved), (chunk, slots)| {
+            <(Local, Local, Local)>::default,
+            |(local, moved, forces), (chunk, slots)| {
                 chunk.fetch(positions, local);
                 chunk.fetch(displacements, moved);
-                slots[..chunk.nodes.len()].fill([0.0; 3]);
-                self.law.response(chunk, local, moved, slots);
+                chunk.clear(forces);
+                self.law.response(self.instructions, chunk, local, moved, forces);
+                chunk.put(forces, slots);
             },
         );
         out.par_iter_mut().enumerate().with_min_len(1024).for_each(|(n, f)| *f = self.gathered(n, slots));
     }
 
-    /// The sum of a node's slots, in the chunks' order.
-    #[inline]
+    /// A node's slots, in the chunks' order.
+    #[inline(always)]
+    fn slots_of(&self, node: usize) -> &[u32] {
+        &self.slots[self.slot_starts[node] as usize..self.slot_starts[node + 1] as usize]
+    }
+
+    /// The sum of a node's slots of volumes.
+    #[inline(always)]
+    pub(super) fn gathered_volume(&self, node: usize, volumes: &[f64]) -> f64 {
+        let mut sum = 0.0;
+        for &s in self.slots_of(node) {
+            sum += volumes[s as usize];
+        }
+        sum
+    }
+
+    /// The sum of a node's slots.
+    #[inline(always)]
     pub(super) fn gathered(&self, node: usize, slots: &[Node]) -> Node {
         let mut sum = [0.0; 3];
-        for &s in &self.slots[self.slot_starts[node] as usize..self.slot_starts[node + 1] as usize] {
+        for &s in self.slots_of(node) {
             for k in 0..3 {
                 sum[k] += slots[s as usize][k];
             }
@@ -265,14 +286,42 @@ impl Body {
 impl Chunk {
     /// Copies figures of this chunk's nodes side by side.
     #[inline]
-    pub(super) fn fetch(&self, all: &[Node], local: &mut Vec<Node>) {
-        local.clear();
-        local.extend(self.nodes.iter().map(|&n| all[n as usize]));
+    pub(super) fn fetch(&self, all: &[Node], local: &mut Local) {
+        local.fill(self.nodes.iter().map(|&n| all[n as usize]));
+    }
+
+    /// Makes the figures of this chunk's nodes nought.
+    pub(super) fn clear(&self, local: &mut Local) {
+        local.fill(self.nodes.iter().map(|_| [0.0; 3]));
+    }
+
+    /// Puts the figures of this chunk's nodes into its slots.
+    pub(super) fn put(&self, local: &Local, slots: &mut [Node]) {
+        slots[..self.nodes.len()].iter_mut().zip(local.nodes()).for_each(|(slot, node)| *slot = node);
     }
 }
 
 fn corners(nodes: &[Node], tet: &[u32; 4]) -> [Node; 4] {
     tet.map(|n| nodes[n as usize])
+}
+
+/// The elements of each chunk: as many as a chunk takes, and no more than have nodes for its places.
+fn chunk_ranges(tets: &[[u32; 4]], nodes: usize) -> Vec<Range<usize>> {
+    let mut out: Vec<Range<usize>> = Vec::new();
+    let mut last_chunk = vec![usize::MAX; nodes];
+    let (mut start, mut count) = (0, 0);
+    for (e, tet) in tets.iter().enumerate() {
+        if e == start + CHUNK || count + tet.len() > PLACES {
+            out.push(start..e);
+            (start, count) = (e, 0);
+        }
+        for &n in tet {
+            let of = std::mem::replace(&mut last_chunk[n as usize], out.len());
+            count += usize::from(of != out.len());
+        }
+    }
+    out.push(start..tets.len());
+    out
 }
 
 fn chunk(

@@ -10,7 +10,8 @@
 //! nodes are made over blocks of a fixed size. So the same bits come out on any number of threads.
 
 use super::body::{BLOCK, BULK_VISCOSITY};
-use super::lanes::{self, Node, W};
+use super::instructions::Kernel;
+use super::lanes::{Local, NodalVolumes, Node, W, ln};
 use super::laws::{ChunkOutput, ChunkState, ChunkStep};
 use super::plates::{Closing, Plates, Reaction};
 use super::rigid::Rigid;
@@ -111,6 +112,33 @@ pub struct Dynamics {
     pub(super) pressures: Vec<f64>,
     chunk_outputs: Vec<ChunkOutput>,
     block_outputs: Vec<BlockOutput>,
+}
+
+/// The pressures of a block of nodes, MPa.
+struct NodalPressures<'a> {
+    body: &'a Body,
+    bulk_mpa: f64,
+    /// The block's first node.
+    first: usize,
+    /// Volumes in the slots of all chunks, mm³.
+    volumes: &'a [f64],
+    pressures: &'a mut [f64],
+}
+
+impl Kernel for NodalPressures<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { body, bulk_mpa, first, volumes, pressures } = self;
+        for (i, pressure) in pressures.iter_mut().enumerate() {
+            *pressure = body.gathered_volume(first + i, volumes) / body.volume[first + i];
+        }
+        for pressure in pressures {
+            let ratio = *pressure;
+            *pressure = bulk_mpa * ln(ratio) / ratio;
+        }
+    }
 }
 
 impl Dynamics {
@@ -238,12 +266,11 @@ impl Dynamics {
             .zip(self.slots.par_chunks_mut(body.stride))
             .zip(self.chunk_outputs.par_iter_mut())
             .for_each_init(
-                || (Vec::new(), Vec::new(), Vec::new()),
-                |(local, half_positions, pressure), (((chunk, state), slots), output)| {
+                || (Local::default(), Local::default(), Vec::new(), Local::default()),
+                |(local, half_positions, pressure, forces), (((chunk, state), slots), output)| {
                     chunk.fetch(positions, local);
                     if remembers {
-                        half_positions.clear();
-                        half_positions.extend(chunk.nodes.iter().map(|&n| {
+                        half_positions.fill(chunk.nodes.iter().map(|&n| {
                             let (x, v) = (positions[n as usize], velocities[n as usize]);
                             [0, 1, 2].map(|k| x[k] - back_s * v[k])
                         }));
@@ -252,10 +279,17 @@ impl Dynamics {
                         pressure.clear();
                         pressure.extend(chunk.nodes.iter().map(|&n| pressures[n as usize]));
                     }
-                    slots[..chunk.nodes.len()].fill([0.0; 3]);
-                    let at =
-                        ChunkStep { chunk, positions: local, half_positions, pressures: pressure, step_s };
-                    *output = body.law.step(&at, state, slots);
+                    chunk.clear(forces);
+                    let at = ChunkStep {
+                        instructions: body.instructions,
+                        chunk,
+                        positions: local,
+                        half_positions,
+                        pressures: pressure,
+                        step_s,
+                    };
+                    *output = body.law.step(&at, state, forces);
+                    chunk.put(forces, slots);
                 },
             );
     }
@@ -264,18 +298,23 @@ impl Dynamics {
     fn nodal_pressures(&mut self, body: &Body, bulk_mpa: f64) {
         let positions = &self.positions;
         (body.chunks.par_iter()).zip(self.volumes.par_chunks_mut(body.stride)).for_each_init(
-            Vec::new,
+            Local::default,
             |local, (chunk, volumes)| {
                 chunk.fetch(positions, local);
                 volumes[..chunk.nodes.len()].fill(0.0);
-                chunk.batches.iter().for_each(|batch| lanes::volumes(batch, local, volumes));
+                let batches = chunk.batches.as_slice();
+                body.instructions.run(NodalVolumes { batches, positions: local, volumes });
             },
         );
         let volumes = &self.volumes;
-        self.pressures.par_iter_mut().enumerate().with_min_len(BLOCK).for_each(|(n, pressure)| {
-            let slots = &body.slots[body.slot_starts[n] as usize..body.slot_starts[n + 1] as usize];
-            let ratio = slots.iter().map(|&s| volumes[s as usize]).sum::<f64>() / body.volume[n];
-            *pressure = bulk_mpa * ratio.ln() / ratio;
+        self.pressures.par_chunks_mut(BLOCK).enumerate().for_each(|(block, pressures)| {
+            body.instructions.run(NodalPressures {
+                body,
+                bulk_mpa,
+                first: block * BLOCK,
+                volumes,
+                pressures,
+            });
         });
     }
 
@@ -315,7 +354,7 @@ impl Dynamics {
     pub fn energy(&self, body: &Body) -> Energy {
         let parts: Vec<f64> = (body.chunks.par_iter())
             .zip(&self.chunks)
-            .map_init(Vec::new, |local, (chunk, state)| {
+            .map_init(Local::default, |local, (chunk, state)| {
                 chunk.fetch(&self.positions, local);
                 body.law.stored_n_mm(chunk, local, state)
             })
@@ -324,10 +363,9 @@ impl Dynamics {
         if let Some(bulk) = body.law.nodal_bulk_mpa() {
             let spherical: f64 = (0..body.nodes())
                 .map(|n| {
-                    let slots = &body.slots[body.slot_starts[n] as usize..body.slot_starts[n + 1] as usize];
-                    let volume: f64 = slots.iter().map(|&s| self.volumes[s as usize]).sum();
+                    let volume = body.gathered_volume(n, &self.volumes);
                     let ratio = if self.steps == 0 { 1.0 } else { volume / body.volume[n] };
-                    0.5 * bulk * body.volume[n] * ratio.ln().powi(2)
+                    0.5 * bulk * body.volume[n] * ln(ratio).powi(2)
                 })
                 .sum();
             stored += spherical;

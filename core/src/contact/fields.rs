@@ -1,6 +1,6 @@
 //! Element fields: Cauchy stress (MPa), von Mises' and principal stress, equivalent plastic strain.
 
-use super::lanes::{W, edges, gradients, pick, rotations};
+use super::lanes::{Local, W, edges, gradients, pick, rotations};
 use super::{Body, Dynamics};
 use nalgebra::{Matrix3, SymmetricEigen};
 use rayon::prelude::*;
@@ -49,12 +49,13 @@ fn fields(body: &Body, dynamics: &Dynamics) -> Fields {
     let lanes = law.history_lanes();
     let parts: Vec<Vec<([f64; 6], f64)>> = (body.chunks.par_iter())
         .zip(&dynamics.chunks)
-        .map_init(Vec::new, |local, (chunk, state)| {
+        .map_init(Local::default, |local, (chunk, state)| {
             chunk.fetch(&dynamics.positions, local);
             let mut out = Vec::with_capacity(chunk.count);
             for (b, batch) in chunk.batches.iter().enumerate() {
                 let f = gradients(batch, &edges(batch, local));
-                let (r, _, _) = rotations(&f);
+                let mut r = [f];
+                rotations(&[f], &mut r);
                 for l in 0..W.min(chunk.count - b * W) {
                     let node = |k: usize| chunk.nodes[batch.nodes[k][l] as usize] as usize;
                     let pressure = match law.nodal_bulk_mpa() {
@@ -62,7 +63,7 @@ fn fields(body: &Body, dynamics: &Dynamics) -> Fields {
                         None => 0.0,
                     };
                     let history = &state.history[lanes * b..lanes * (b + 1)];
-                    let s = law.cauchy_mpa(&pick(&f, l), &pick(&r, l), pressure, history, l);
+                    let s = law.cauchy_mpa(&pick(&f, l), &pick(&r[0], l), pressure, history, l);
                     let strain = law.plastic_strain(history, l);
                     out.push(([s[0], s[4], s[8], s[5], s[2], s[1]], strain));
                 }

@@ -16,9 +16,10 @@
 
 use super::{ChunkOutput, ChunkState, ChunkStep, Law, MaterialLaw, Moduli, Program};
 use crate::contact::body::Chunk;
+use crate::contact::instructions::{Instructions, Kernel};
 use crate::contact::lanes::{
-    Batch, Lane, Matrices, Matrix, Node, W, cofactors, edges, gradients, pick, put, scatter, sum,
-    times_transposed,
+    Batch, GROUP, Lane, Local, Matrices, Matrix, W, cofactors, edges, gradients, ln, nodal_forces, pick, put,
+    scatter, sum, times_transposed,
 };
 use std::sync::Arc;
 
@@ -51,27 +52,26 @@ impl MaterialLaw for Elastic {
         self.moduli
     }
 
-    fn step(&self, at: &ChunkStep, state: &mut ChunkState, out: &mut [Node]) -> ChunkOutput {
-        let mut output = ChunkOutput::default();
-        for (b, batch) in at.chunk.batches.iter().enumerate() {
-            let before = &mut state.volume_ratio[b];
-            let batch_output = forces::<true>(&self.moduli, batch, at.positions, before, at.step_s, out);
-            output.viscous += batch_output.viscous_n_mm;
-            output.check_volumes(&batch_output.volume_ratio, at.chunk.first + b * W);
-        }
-        output
+    fn step(&self, at: &ChunkStep, state: &mut ChunkState, forces: &mut Local) -> ChunkOutput {
+        at.instructions.run(Step { moduli: &self.moduli, at, volume_ratios: &mut state.volume_ratio, forces })
     }
 
-    fn response(&self, chunk: &Chunk, positions: &[Node], displacements: &[Node], out: &mut [Node]) {
-        let moved: Vec<Node> =
-            (positions.iter().zip(displacements)).map(|(x, u)| [0, 1, 2].map(|k| x[k] + u[k])).collect();
-        let mut unused: Lane = [0.0; W];
-        for batch in &chunk.batches {
-            forces::<false>(&self.moduli, batch, &moved, &mut unused, 0.0, out);
-        }
+    fn response(
+        &self,
+        instructions: Instructions,
+        chunk: &Chunk,
+        positions: &Local,
+        displacements: &Local,
+        forces: &mut Local,
+    ) {
+        let mut moved = Local::default();
+        moved.fill(
+            (positions.nodes().zip(displacements.nodes())).map(|(x, u)| [0, 1, 2].map(|k| x[k] + u[k])),
+        );
+        instructions.run(Response { moduli: &self.moduli, chunk, moved: &moved, forces });
     }
 
-    fn stored_n_mm(&self, chunk: &Chunk, positions: &[Node], _state: &ChunkState) -> f64 {
+    fn stored_n_mm(&self, chunk: &Chunk, positions: &Local, _state: &ChunkState) -> f64 {
         chunk.batches.iter().map(|batch| energy(&self.moduli, batch, positions)).sum()
     }
 
@@ -84,13 +84,52 @@ impl MaterialLaw for Elastic {
     }
 }
 
-/// The output of a batch of elements beside its forces.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct BatchOutput {
-    /// Volume over that in the mesh.
-    pub volume_ratio: Lane,
-    /// What bulk viscosity took, N·mm.
-    pub viscous_n_mm: f64,
+/// A step of a chunk.
+struct Step<'a> {
+    moduli: &'a Moduli,
+    at: &'a ChunkStep<'a>,
+    volume_ratios: &'a mut [Lane],
+    forces: &'a mut Local,
+}
+
+impl Kernel for Step<'_> {
+    type Output = ChunkOutput;
+
+    #[inline(always)]
+    fn run(self) -> ChunkOutput {
+        let Self { moduli, at, volume_ratios, forces } = self;
+        let mut output = ChunkOutput::default();
+        let mut work = Work::default();
+        let groups = at.chunk.batches.chunks(GROUP).zip(volume_ratios.chunks_mut(GROUP));
+        for (g, (group, before)) in groups.enumerate() {
+            let viscous = Some((&mut *before, at.step_s));
+            output.viscous += add_forces(moduli, group, at.positions, viscous, &mut work, forces);
+            for (b, ratio) in before.iter().enumerate() {
+                output.check_volumes(ratio, at.chunk.first + (g * GROUP + b) * W);
+            }
+        }
+        output
+    }
+}
+
+/// The answer of a chunk whose nodes have moved.
+struct Response<'a> {
+    moduli: &'a Moduli,
+    chunk: &'a Chunk,
+    moved: &'a Local,
+    forces: &'a mut Local,
+}
+
+impl Kernel for Response<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let mut work = Work::default();
+        for group in self.chunk.batches.chunks(GROUP) {
+            add_forces(self.moduli, group, self.moved, None, &mut work, self.forces);
+        }
+    }
 }
 
 /// Cofactors and determinants of deformation gradients.
@@ -106,41 +145,71 @@ fn all_cofactors(f: &Matrices) -> (Matrices, Lane) {
     (cofactor, determinant)
 }
 
-/// Adds the forces of a batch. With `VISCOUS` the change of the volume since `before` over `step_s` is resisted, and
-/// `before` becomes what is now.
+/// What the passes over a group of batches hand on.
+#[derive(Default)]
+struct Work {
+    /// Edges, then deformation gradients, then nodal forces.
+    matrices: [Matrices; GROUP],
+    volume_ratio: [Lane; GROUP],
+    log: [Lane; GROUP],
+}
+
+/// Adds the forces of a group of batches. With their volume ratios one step ago, and how long that is, the change of the volume is
+/// resisted, and the ratios become what is now. What this took, N·mm.
 #[inline(always)]
-fn forces<const VISCOUS: bool>(
+fn add_forces(
     moduli: &Moduli,
-    batch: &Batch,
-    positions: &[Node],
-    before: &mut Lane,
-    step_s: f64,
-    out: &mut [Node],
-) -> BatchOutput {
-    let f = gradients(batch, &edges(batch, positions));
-    let (cofactor, determinant) = all_cofactors(&f);
-    let log = determinant.map(f64::ln);
-    let mut stress = [[0.0; W]; 9];
-    let mut viscous = [0.0; W];
-    for l in 0..W {
-        let mut spherical = (moduli.lambda * log[l] - moduli.shear) / determinant[l];
-        if VISCOUS {
-            let grown = determinant[l] - before[l];
-            let q = batch.viscosity[l] * grown / (step_s * determinant[l]);
-            spherical += q;
-            viscous[l] = q * grown * batch.volume[l];
-            before[l] = determinant[l];
-        }
-        for k in 0..9 {
-            stress[k][l] = moduli.shear * f[k][l] + spherical * cofactor[k][l];
+    group: &[Batch],
+    positions: &Local,
+    viscous: Option<(&mut [Lane], f64)>,
+    work: &mut Work,
+    forces: &mut Local,
+) -> f64 {
+    let Work { matrices, volume_ratio, log } = work;
+    for (batch, edges_of) in group.iter().zip(&mut *matrices) {
+        *edges_of = edges(batch, positions);
+    }
+    for ((batch, f), determinant) in group.iter().zip(&mut *matrices).zip(&mut *volume_ratio) {
+        *f = gradients(batch, f);
+        *determinant = all_cofactors(f).1;
+    }
+    for (log, determinant) in log.iter_mut().zip(&*volume_ratio) {
+        for l in 0..W {
+            log[l] = ln(determinant[l]);
         }
     }
-    scatter(batch, &stress, out);
-    BatchOutput { volume_ratio: determinant, viscous_n_mm: if VISCOUS { sum(&viscous) } else { 0.0 } }
+    let (mut before, step_s) = viscous.map_or((None, 1.0), |(before, step_s)| (Some(before), step_s));
+    let mut taken = 0.0;
+    for (b, ((batch, f), log)) in group.iter().zip(&mut *matrices).zip(&*log).enumerate() {
+        let (cofactor, determinant) = all_cofactors(f);
+        let mut stress = [[0.0; W]; 9];
+        let mut q = [0.0; W];
+        if let Some(before) = before.as_mut().map(|all| &mut all[b]) {
+            let mut lost = [0.0; W];
+            for l in 0..W {
+                let grown = determinant[l] - before[l];
+                q[l] = batch.viscosity[l] * grown / (step_s * determinant[l]);
+                lost[l] = q[l] * grown * batch.volume[l];
+            }
+            *before = determinant;
+            taken += sum(&lost);
+        }
+        for l in 0..W {
+            let spherical = (moduli.lambda * log[l] - moduli.shear) / determinant[l] + q[l];
+            for k in 0..9 {
+                stress[k][l] = moduli.shear * f[k][l] + spherical * cofactor[k][l];
+            }
+        }
+        *f = nodal_forces(batch, &stress);
+    }
+    for (batch, of) in group.iter().zip(&*matrices) {
+        scatter(batch, of, forces);
+    }
+    taken
 }
 
 /// The energy stored in a batch, N·mm.
-fn energy(moduli: &Moduli, batch: &Batch, positions: &[Node]) -> f64 {
+fn energy(moduli: &Moduli, batch: &Batch, positions: &Local) -> f64 {
     let f = gradients(batch, &edges(batch, positions));
     let (_, determinant) = all_cofactors(&f);
     (0..W)
@@ -149,7 +218,7 @@ fn energy(moduli: &Moduli, batch: &Batch, positions: &[Node]) -> f64 {
             for k in 0..9 {
                 square += f[k][l] * f[k][l];
             }
-            let log = determinant[l].ln();
+            let log = ln(determinant[l]);
             let shear = moduli.shear * (0.5 * square - log);
             batch.volume[l] * (shear + 0.5 * moduli.lambda * log * log)
         })
@@ -161,7 +230,7 @@ fn cauchy(moduli: &Moduli, f: &Matrix) -> Matrix {
     let (_, determinant) = cofactors(f);
     let mut s = times_transposed(f, f).map(|x| moduli.shear * x);
     for k in [0, 4, 8] {
-        s[k] += moduli.lambda * determinant.ln() - moduli.shear;
+        s[k] += moduli.lambda * ln(determinant) - moduli.shear;
     }
     s.map(|x| x / determinant)
 }

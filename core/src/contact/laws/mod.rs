@@ -10,7 +10,8 @@ mod plastic;
 mod radial_return;
 
 use super::body::Chunk;
-use super::lanes::{Lane, Matrix, Node};
+use super::instructions::Instructions;
+use super::lanes::{Lane, Local, Matrix, W};
 use super::{ContactError, Material};
 use crate::plausible::Quantity;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
@@ -146,11 +147,12 @@ pub(super) struct ChunkState {
 /// Where the nodes of a chunk are in a step, side by side in the chunk's order.
 #[derive(Debug)]
 pub(super) struct ChunkStep<'a> {
+    pub instructions: Instructions,
     pub chunk: &'a Chunk,
     /// Their positions, mm.
-    pub positions: &'a [Node],
+    pub positions: &'a Local,
     /// Their positions half a step ago, mm; for a law with history variables.
-    pub half_positions: &'a [Node],
+    pub half_positions: &'a Local,
     /// Their pressures (tension positive), MPa; for a law whose nodes have one.
     pub pressures: &'a [f64],
     /// The step that led here, s; infinite before the first.
@@ -167,16 +169,24 @@ pub(super) struct ChunkOutput {
 
 impl ChunkOutput {
     /// Notes the first element whose volume is not positive.
-    #[inline]
+    #[inline(always)]
     fn check_volumes(&mut self, volume_ratio: &Lane, first: usize) {
-        if volume_ratio.iter().all(|j| *j > 0.0 && *j < f64::INFINITY) || self.broken.is_some() {
-            return;
+        let mut broken = false;
+        for l in 0..W {
+            broken |= !(volume_ratio[l] > 0.0 && volume_ratio[l] <= f64::MAX);
         }
-        if let Some(l) = volume_ratio.iter().position(|j| !(*j > 0.0 && *j < f64::INFINITY)) {
-            let what = if volume_ratio[l] <= 0.0 { "is inside out" } else { "is no number" };
-            self.broken = Some((first + l, what));
+        if broken && self.broken.is_none() {
+            self.broken = first_broken(volume_ratio).map(|(l, what)| (first + l, what));
         }
     }
+}
+
+/// The first lane whose volume is not positive, and what it is then. Apart, as no kernel gets here.
+#[cold]
+#[inline(never)]
+fn first_broken(volume_ratio: &Lane) -> Option<(usize, &'static str)> {
+    let l = volume_ratio.iter().position(|j| !(*j > 0.0 && *j <= f64::MAX))?;
+    Some((l, if volume_ratio[l] <= 0.0 { "is inside out" } else { "is no number" }))
 }
 
 /// A law with its parameters, as it is computed.
@@ -196,14 +206,21 @@ pub(super) trait MaterialLaw: Debug + Send + Sync {
     }
 
     /// Adds the forces of a chunk's elements to its nodes after a step, bulk viscosity with them, and takes the history along.
-    fn step(&self, at: &ChunkStep, state: &mut ChunkState, forces: &mut [Node]) -> ChunkOutput;
+    fn step(&self, at: &ChunkStep, state: &mut ChunkState, forces: &mut Local) -> ChunkOutput;
 
     /// Adds the forces by which a chunk answers elastically to small displacements of its nodes; what it bears without any may be
     /// among them.
-    fn response(&self, chunk: &Chunk, positions: &[Node], displacements: &[Node], forces: &mut [Node]);
+    fn response(
+        &self,
+        instructions: Instructions,
+        chunk: &Chunk,
+        positions: &Local,
+        displacements: &Local,
+        forces: &mut Local,
+    );
 
     /// The elastic energy that a chunk stores, but for that of its nodes' pressures, N·mm.
-    fn stored_n_mm(&self, chunk: &Chunk, positions: &[Node], state: &ChunkState) -> f64;
+    fn stored_n_mm(&self, chunk: &Chunk, positions: &Local, state: &ChunkState) -> f64;
 
     /// Cauchy's stress of the element in a lane of a batch, MPa: its deformation gradient F = R U, the mean of its nodes' pressures,
     /// the batch's history.

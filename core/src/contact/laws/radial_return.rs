@@ -21,13 +21,13 @@
 //! constraints of constant volume for each node, which has three freedoms, so it locks in plastic flow; a constraint for each
 //! node does not. The nodal forces are the derivative of the energy Σ V κ/2 (ln J)² of the nodes, so energy is kept.
 
-use super::elastic::BatchOutput;
 use super::{ChunkOutput, ChunkState, ChunkStep, MaterialLaw, Moduli, Program};
 use crate::contact::Material;
 use crate::contact::body::Chunk;
+use crate::contact::instructions::{Instructions, Kernel};
 use crate::contact::lanes::{
-    Batch, Lane, Matrix, Node, W, cofactors, edges, gradients, pick, put, rotations, scatter, sum, times,
-    times_transposed, transposed_times,
+    Batch, GROUP, Lane, Local, Matrices, Matrix, W, cofactors, edges, gradients, nodal_forces, pick, put,
+    rotations, scatter, sum, times, times_transposed, transposed_times,
 };
 use std::fmt::Debug;
 
@@ -85,27 +85,22 @@ impl<Y: YieldStress> MaterialLaw for Plastic<Y> {
         Some(self.bulk)
     }
 
-    fn step(&self, at: &ChunkStep, state: &mut ChunkState, out: &mut [Node]) -> ChunkOutput {
-        let mut output = ChunkOutput::default();
-        let (histories, _) = state.history.as_chunks_mut::<HISTORY>();
-        for (b, batch) in at.chunk.batches.iter().enumerate() {
-            let (before, history) = (&mut state.volume_ratio[b], &mut histories[b]);
-            let (batch_output, flowed) = forces(self, batch, at, before, history, out);
-            output.viscous += batch_output.viscous_n_mm;
-            output.plastic += flowed;
-            output.check_volumes(&batch_output.volume_ratio, at.chunk.first + b * W);
-        }
-        output
+    fn step(&self, at: &ChunkStep, state: &mut ChunkState, forces: &mut Local) -> ChunkOutput {
+        at.instructions.run(Step { law: self, at, state, forces })
     }
 
-    fn response(&self, chunk: &Chunk, positions: &[Node], displacements: &[Node], out: &mut [Node]) {
-        let lambda = self.bulk - 2.0 / 3.0 * self.shear;
-        for batch in &chunk.batches {
-            elastic_response(lambda, self.shear, batch, positions, displacements, out);
-        }
+    fn response(
+        &self,
+        instructions: Instructions,
+        chunk: &Chunk,
+        positions: &Local,
+        displacements: &Local,
+        forces: &mut Local,
+    ) {
+        instructions.run(Response { law: self, chunk, positions, displacements, forces });
     }
 
-    fn stored_n_mm(&self, chunk: &Chunk, _positions: &[Node], state: &ChunkState) -> f64 {
+    fn stored_n_mm(&self, chunk: &Chunk, _positions: &Local, state: &ChunkState) -> f64 {
         let (histories, _) = state.history.as_chunks::<HISTORY>();
         (chunk.batches.iter().zip(histories).zip(&state.volume_ratio))
             .map(|((batch, history), ratio)| energy(self.shear, batch, history, ratio))
@@ -131,37 +126,147 @@ impl<Y: YieldStress> MaterialLaw for Plastic<Y> {
     }
 }
 
-/// Adds the forces of a batch after its stress has followed the step; also what plastic flow took, N·mm.
+/// A step of a chunk.
+struct Step<'a, Y> {
+    law: &'a Plastic<Y>,
+    at: &'a ChunkStep<'a>,
+    state: &'a mut ChunkState,
+    forces: &'a mut Local,
+}
+
+impl<Y: YieldStress> Kernel for Step<'_, Y> {
+    type Output = ChunkOutput;
+
+    #[inline(always)]
+    fn run(self) -> ChunkOutput {
+        let Self { law, at, state, forces } = self;
+        let mut output = ChunkOutput::default();
+        let (histories, _) = state.history.as_chunks_mut::<HISTORY>();
+        let mut work = Work::default();
+        let groups = at.chunk.batches.chunks(GROUP).zip(state.volume_ratio.chunks_mut(GROUP));
+        for (g, ((group, before), histories)) in groups.zip(histories.chunks_mut(GROUP)).enumerate() {
+            let [viscous, plastic] = add_forces(law, group, at, before, histories, &mut work, forces);
+            output.viscous += viscous;
+            output.plastic += plastic;
+            for (b, ratio) in before.iter().enumerate() {
+                output.check_volumes(ratio, at.chunk.first + (g * GROUP + b) * W);
+            }
+        }
+        output
+    }
+}
+
+/// The elastic answer of a chunk to small displacements.
+struct Response<'a, Y> {
+    law: &'a Plastic<Y>,
+    chunk: &'a Chunk,
+    positions: &'a Local,
+    displacements: &'a Local,
+    forces: &'a mut Local,
+}
+
+impl<Y: YieldStress> Kernel for Response<'_, Y> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { law, chunk, positions, displacements, forces } = self;
+        let lambda = law.bulk - 2.0 / 3.0 * law.shear;
+        for batch in &chunk.batches {
+            elastic_response(lambda, law.shear, batch, positions, displacements, forces);
+        }
+    }
+}
+
+/// What the passes over a group of batches hand on.
+#[derive(Default)]
+struct Work {
+    /// Edges, then deformation gradients, then nodal forces.
+    matrices: [Matrices; GROUP],
+    /// Edges half a step ago.
+    middle: [Matrices; GROUP],
+    rotations: [Matrices; GROUP],
+    /// Means of the nodes' pressures, MPa.
+    mean: [Lane; GROUP],
+}
+
+/// Adds the forces of a group of batches after their stresses have followed the step; what bulk viscosity and plastic flow took,
+/// N·mm.
 #[inline(always)]
-fn forces<Y: YieldStress>(
+fn add_forces<Y: YieldStress>(
+    law: &Plastic<Y>,
+    group: &[Batch],
+    at: &ChunkStep,
+    before: &mut [Lane],
+    histories: &mut [[Lane; HISTORY]],
+    work: &mut Work,
+    forces: &mut Local,
+) -> [f64; 2] {
+    let Work { matrices, middle, rotations: r, mean } = work;
+    for (b, batch) in group.iter().enumerate() {
+        matrices[b] = edges(batch, at.positions);
+        middle[b] = edges(batch, at.half_positions);
+        for l in 0..W {
+            let of = |k: usize| at.pressures[batch.nodes[k][l] as usize];
+            mean[b][l] = 0.25 * (of(0) + of(1) + of(2) + of(3));
+        }
+    }
+    for (batch, f) in group.iter().zip(&mut *matrices) {
+        *f = gradients(batch, f);
+    }
+    rotations(&matrices[..group.len()], &mut r[..group.len()]);
+    let mut taken = [0.0; 2];
+    for (b, (batch, history)) in group.iter().zip(histories).enumerate() {
+        let middle = gradients(batch, &middle[b]);
+        let (stress, of_batch) = stresses(
+            law,
+            batch,
+            [&matrices[b], &middle, &r[b]],
+            &mean[b],
+            at.step_s,
+            &mut before[b],
+            history,
+        );
+        matrices[b] = nodal_forces(batch, &stress);
+        taken[0] += of_batch[0];
+        taken[1] += of_batch[1];
+    }
+    for (batch, of) in group.iter().zip(&*matrices) {
+        scatter(batch, of, forces);
+    }
+    taken
+}
+
+/// First Piola–Kirchhoff stresses of a batch with deformation gradients F now and half a step ago and rotations; what viscosity and
+/// flow took, N·mm.
+#[inline(always)]
+fn stresses<Y: YieldStress>(
     law: &Plastic<Y>,
     batch: &Batch,
-    at: &ChunkStep,
+    [f, middle, r]: [&Matrices; 3],
+    mean: &Lane,
+    step_s: f64,
     before: &mut Lane,
     history: &mut [Lane; HISTORY],
-    out: &mut [Node],
-) -> (BatchOutput, f64) {
+) -> (Matrices, [f64; 2]) {
     let hardening = law.yield_stress.hardening_mpa();
-    let f = gradients(batch, &edges(batch, at.positions));
-    let middle = gradients(batch, &edges(batch, at.half_positions));
-    let (r, cofactor, determinant) = rotations(&f);
-    let mut mean = [0.0; W];
-    for l in 0..W {
-        let of = |k: usize| at.pressures[batch.nodes[k][l] as usize];
-        mean[l] = 0.25 * (of(0) + of(1) + of(2) + of(3));
-    }
+    let softness = 1.0 / (3.0 * law.shear + hardening);
+    let mut determinant = [0.0; W];
     let mut stress = [[0.0; W]; 9];
     let (mut viscous, mut flowed) = ([0.0; W], [0.0; W]);
     for l in 0..W {
-        let (fm, mm, rm) = (pick(&f, l), pick(&middle, l), pick(&r, l));
+        let (fm, mm, rm) = (pick(f, l), pick(middle, l), pick(r, l));
+        let (cofactor, determinant_now) = cofactors(&fm);
+        determinant[l] = determinant_now;
         let mut step = [0.0; 9];
         for k in 0..9 {
             step[k] = 2.0 * (fm[k] - mm[k]);
         }
         let (c, d) = cofactors(&mm);
         let mut strain = times_transposed(&step, &c);
+        let share = 1.0 / d;
         for k in 0..9 {
-            strain[k] /= d;
+            strain[k] *= share;
         }
         for (i, j) in [(1, 3), (2, 6), (5, 7)] {
             let both = 0.5 * (strain[i] + strain[j]);
@@ -169,7 +274,7 @@ fn forces<Y: YieldStress>(
             strain[j] = both;
         }
         let e = times(&transposed_times(&rm, &strain), &rm);
-        let third = (e[0] + e[4] + e[8]) / 3.0;
+        let third = (e[0] + e[4] + e[8]) * (1.0 / 3.0);
         let grow = [e[0] - third, e[4] - third, e[8] - third, e[5], e[2], e[1]];
         let mut s = [0.0; 6];
         for k in 0..6 {
@@ -179,7 +284,7 @@ fn forces<Y: YieldStress>(
             s[0] * s[0] + s[1] * s[1] + s[2] * s[2] + 2.0 * (s[3] * s[3] + s[4] * s[4] + s[5] * s[5]);
         let mises = (1.5 * square).sqrt();
         let limit = law.yield_stress.limit_mpa(history[STRAIN][l], mean[l]);
-        let flow = ((mises - limit) / (3.0 * law.shear + hardening)).max(0.0);
+        let flow = ((mises - limit) * softness).max(0.0);
         let keep = if flow > 0.0 { 1.0 - 3.0 * law.shear * flow / mises } else { 1.0 };
         for k in 0..6 {
             s[k] *= keep;
@@ -190,17 +295,16 @@ fn forces<Y: YieldStress>(
         let turned =
             times_transposed(&times(&rm, &[s[0], s[5], s[4], s[5], s[1], s[3], s[4], s[3], s[2]]), &rm);
         let grown = determinant[l] - before[l];
-        let q = batch.viscosity[l] * grown / (at.step_s * determinant[l]);
+        let q = batch.viscosity[l] * grown / (step_s * determinant[l]);
         before[l] = determinant[l];
         viscous[l] = q * grown * batch.volume[l];
         let mut cauchy = turned;
         for k in [0, 4, 8] {
             cauchy[k] += mean[l] + q;
         }
-        put(&mut stress, l, &times(&cauchy, &pick(&cofactor, l)));
+        put(&mut stress, l, &times(&cauchy, &cofactor));
     }
-    scatter(batch, &stress, out);
-    (BatchOutput { volume_ratio: determinant, viscous_n_mm: sum(&viscous) }, sum(&flowed))
+    (stress, [sum(&viscous), sum(&flowed)])
 }
 
 /// Adds a batch's elastic response to small displacements from these positions, as if it did not flow: what the stable
@@ -210,9 +314,9 @@ fn elastic_response(
     lambda: f64,
     shear: f64,
     batch: &Batch,
-    positions: &[Node],
-    displacements: &[Node],
-    out: &mut [Node],
+    positions: &Local,
+    displacements: &Local,
+    out: &mut Local,
 ) {
     let f = gradients(batch, &edges(batch, positions));
     let moved = gradients(batch, &edges(batch, displacements));
@@ -230,7 +334,7 @@ fn elastic_response(
         }
         put(&mut stress, l, &times(&s, &c));
     }
-    scatter(batch, &stress, out);
+    scatter(batch, &nodal_forces(batch, &stress), out);
 }
 
 /// The energy that the deviatoric stresses of a batch store, N·mm.
