@@ -232,7 +232,7 @@ pub(super) fn fit(
         let made = Fit {
             line,
             parameters: parameters.clone(),
-            covariance: solved.covariance,
+            covariance: solved.cholesky.inverse(),
             step_sigma: 0.0,
             hyper: spread,
             height_px: profiles.height_px,

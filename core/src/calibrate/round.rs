@@ -8,7 +8,7 @@ use super::fit::{Prior, Priors, Sample};
 use super::frontier::{TopElevation, top_elevation};
 use super::profile::{AxisLine, Profiles};
 use super::support::{Grid, Hyper, Sums};
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// Nobody mounts a camera worse: roll and elevation (radians), and how far a camera is (grain heights away).
 const ROLL_SIGMA_RAD: f64 = 0.2;
@@ -99,7 +99,8 @@ type Entry = fn(&mut Hyper) -> &mut f64;
 
 pub(super) struct Solved {
     pub parameters: DVector<f64>,
-    pub covariance: DMatrix<f64>,
+    /// Of the inverse of their covariance.
+    pub cholesky: Cholesky<f64, Dyn>,
     /// Logarithm of the marginal likelihood, but for a constant.
     log_likelihood: f64,
 }
@@ -260,7 +261,7 @@ impl<'a> Round<'a> {
         let log_det: f64 = 2.0 * cholesky.l().diagonal().iter().map(|d| d.ln()).sum::<f64>();
         let log_likelihood =
             -0.5 * (all.square - parameters.dot(&all.right) + all.log_det - log_prior + log_det);
-        Some(Solved { parameters, covariance: cholesky.inverse(), log_likelihood })
+        Some(Solved { parameters, cholesky, log_likelihood })
     }
 
     /// At the height of the tops the rays rise by ε + q z.

@@ -172,10 +172,14 @@ fn solve(samples: &[Sample]) -> Option<[f64; TERMS]> {
     }
     let mut normal = SMatrix::<f64, TERMS, TERMS>::zeros();
     let mut right = SVector::<f64, TERMS>::zeros();
+    // The lower half, which is what the decomposition reads.
     for (basis, v) in samples {
-        let row = SVector::from(*basis);
-        normal += row * row.transpose();
-        right += row * *v;
+        for j in 0..TERMS {
+            for i in j..TERMS {
+                normal[(i, j)] += basis[i] * basis[j];
+            }
+            right[j] += basis[j] * v;
+        }
     }
     // A trace of a ridge keeps the surface flat where no background is left to hold it.
     for k in 1..TERMS {

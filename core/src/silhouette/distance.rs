@@ -50,12 +50,6 @@ fn pad(field: &Field) -> Padded {
     Padded { width: w, height: h, values }
 }
 
-impl Padded {
-    fn at(&self, x: usize, y: usize) -> f32 {
-        self.values[y * self.width + x]
-    }
-}
-
 /// Where between two values of opposite sign the field is 0, 0 … 1.
 fn crossing(a: f32, b: f32) -> Option<f32> {
     ((a < 0.0) != (b < 0.0)).then(|| (a / (a - b)).clamp(0.0, 1.0))
@@ -64,12 +58,12 @@ fn crossing(a: f32, b: f32) -> Option<f32> {
 /// Distance to the outline's segments, where less than [`NEAR`]; infinite elsewhere.
 fn near(padded: &Padded, w: usize, h: usize) -> Vec<f32> {
     let mut out = vec![f32::INFINITY; w * h];
-    for y in 0..padded.height - 1 {
-        for x in 0..padded.width - 1 {
-            let corners =
-                [padded.at(x, y), padded.at(x + 1, y), padded.at(x + 1, y + 1), padded.at(x, y + 1)];
-            let signs = corners.map(|c| c < 0.0);
-            if signs.iter().all(|s| *s == signs[0]) {
+    let lines = padded.values.chunks_exact(padded.width);
+    for (y, (upper, lower)) in lines.clone().zip(lines.skip(1)).enumerate() {
+        for (x, (upper, lower)) in upper.windows(2).zip(lower.windows(2)).enumerate() {
+            let corners = [upper[0], upper[1], lower[1], lower[0]];
+            let is_inside = corners[0] < 0.0;
+            if corners.iter().all(|c| (*c < 0.0) == is_inside) {
                 continue;
             }
             for [a, b] in segments(corners).into_iter().flatten() {
@@ -129,20 +123,13 @@ fn measure(out: &mut [f32], w: usize, h: usize, a: [f32; 2], b: [f32; 2]) {
 fn far(padded: &Padded, w: usize, h: usize) -> Vec<f32> {
     // Crossings on columns: for each column the distance along it, then the envelope along rows.
     let on_columns = || {
-        let mut columns = vec![f32::INFINITY; w * h];
-        columns.par_chunks_mut(h).enumerate().for_each(|(x, column)| {
-            sweep(column, |k| crossing(padded.at(x + 1, k), padded.at(x + 1, k + 1)));
-        });
-        let mut rows = transposed(&columns, h, w);
+        let upright = transposed(&padded.values, padded.width, padded.height);
+        let mut rows = transposed(&swept(&upright, padded.height), h, w);
         rows.par_chunks_mut(w).for_each_init(Envelope::default, Envelope::lower);
         rows
     };
     let on_rows = || {
-        let mut rows = vec![f32::INFINITY; w * h];
-        rows.par_chunks_mut(w).enumerate().for_each(|(y, row)| {
-            sweep(row, |k| crossing(padded.at(k, y + 1), padded.at(k + 1, y + 1)));
-        });
-        let mut columns = transposed(&rows, w, h);
+        let mut columns = transposed(&swept(&padded.values, padded.width), w, h);
         columns.par_chunks_mut(h).for_each_init(Envelope::default, Envelope::lower);
         transposed(&columns, h, w)
     };
@@ -151,19 +138,28 @@ fn far(padded: &Padded, w: usize, h: usize) -> Vec<f32> {
     a
 }
 
-/// Squared distance along a line to its nearest crossing; `crossing(k)` is the one between the line's padded
-/// positions k and k + 1, that is at −1 + k + t.
-fn sweep(line: &mut [f32], crossing: impl Fn(usize) -> Option<f32>) {
+/// Squared distances along each line but the first and the last of a padded field, whose lines are `padded` long.
+fn swept(values: &[f32], padded: usize) -> Vec<f32> {
+    let (lines, length) = (values.len() / padded - 2, padded - 2);
+    let mut out = vec![0f32; lines * length];
+    let inner = values[padded..].par_chunks_exact(padded);
+    out.par_chunks_exact_mut(length).zip(inner).for_each(|(line, values)| sweep(line, values));
+    out
+}
+
+/// Squared distance along a line to its nearest crossing; one between the line's padded positions k and k + 1 is at
+/// −1 + k + t.
+fn sweep(line: &mut [f32], padded: &[f32]) {
     let mut last = f32::NEG_INFINITY;
-    for (k, d) in line.iter_mut().enumerate() {
-        if let Some(t) = crossing(k) {
+    for (k, (d, pair)) in line.iter_mut().zip(padded.windows(2)).enumerate() {
+        if let Some(t) = crossing(pair[0], pair[1]) {
             last = k as f32 - 1.0 + t;
         }
         *d = k as f32 - last;
     }
     let mut next = f32::INFINITY;
-    for (k, d) in line.iter_mut().enumerate().rev() {
-        if let Some(t) = crossing(k + 1) {
+    for (k, (d, pair)) in line.iter_mut().zip(padded[1..].windows(2)).enumerate().rev() {
+        if let Some(t) = crossing(pair[0], pair[1]) {
             next = k as f32 + t;
         }
         *d = d.min(next - k as f32);
@@ -178,11 +174,15 @@ fn transposed(values: &[f32], width: usize, height: usize) -> Vec<f32> {
     out.par_chunks_mut(height * BLOCK).enumerate().for_each(|(block, part)| {
         let x0 = block * BLOCK;
         let across = part.len() / height;
+        let mut tile = [[0f32; BLOCK]; BLOCK];
         for y0 in (0..height).step_by(BLOCK) {
-            for x in 0..across {
-                for y in y0..(y0 + BLOCK).min(height) {
-                    part[x * height + y] = values[y * width + x0 + x];
-                }
+            let rows = values[y0 * width..].chunks(width);
+            for (to, row) in tile.iter_mut().zip(rows) {
+                to[..across].copy_from_slice(&row[x0..x0 + across]);
+            }
+            let down = BLOCK.min(height - y0);
+            for (x, column) in part.chunks_exact_mut(height).enumerate() {
+                column[y0..y0 + down].iter_mut().zip(&tile).for_each(|(to, row)| *to = row[x]);
             }
         }
     });
