@@ -95,7 +95,18 @@ fn what_makes_no_sense_is_refused_with_its_limit() {
 fn approach_is_rocking_and_deformation() {
     let (height, width, tilt) = (0.8, 0.6, 6f64);
     let folder = block([width, 0.4, height]);
-    let coarse = ["--size-mm", "0.12", "--to-approach-mm", "0.0593", "--rotate-deg", "0", "6", "0"];
+    let coarse = [
+        "--size-mm",
+        "0.12",
+        "--size-at-contact-mm",
+        "0.08",
+        "--to-approach-mm",
+        "0.0593",
+        "--rotate-deg",
+        "0",
+        "6",
+        "0",
+    ];
     let (s, c) = tilt.to_radians().sin_cos();
     let rocking = height * c + width * s - height;
     let mut forces = Vec::new();
@@ -126,7 +137,7 @@ fn approach_is_rocking_and_deformation() {
 #[test]
 fn what_is_printed_can_be_given_back() {
     let folder = block([0.5, 0.45, 0.4]);
-    let coarse = ["--size-mm", "0.2", "--to-approach-mm", "0.0002"];
+    let coarse = ["--size-mm", "0.2", "--size-at-contact-mm", "0.15", "--to-approach-mm", "0.0002"];
     let first =
         json(&folder, &[&["compress", "block.stl", "--rest", "3", "--out", "a"][..], &coarse].concat());
     let deg = first["settings"]["placed_deg"].as_array().unwrap().clone();
@@ -144,8 +155,20 @@ fn what_is_printed_can_be_given_back() {
         assert!((a.as_f64().unwrap() - b.as_f64().unwrap()).abs() < 1e-6, "{listed:?}");
     }
     // Diagonal within the friction's angle of the normal: the plates hold it on two edges.
-    let leaning =
-        ["--rotate-deg", "0", "51", "0", "--out", "c", "--size-mm", "0.2", "--to-approach-mm", "0.0002"];
+    let leaning = [
+        "--rotate-deg",
+        "0",
+        "51",
+        "0",
+        "--out",
+        "c",
+        "--size-mm",
+        "0.2",
+        "--size-at-contact-mm",
+        "0.15",
+        "--to-approach-mm",
+        "0.0002",
+    ];
     let held = json(&folder, &[&["compress", "block.stl"][..], &leaning].concat());
     let by = &held["settings"]["rocking"];
     assert!(by["held_by_friction"] == true && by["approach_mm"].as_f64() == Some(0.0), "{by}");
