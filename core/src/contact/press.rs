@@ -164,8 +164,10 @@ pub struct Press {
     boundary: BoundaryFacets,
     /// The plates' distance at the beginning, mm.
     gap_mm: f64,
-    /// The approach at the beginning, mm.
+    /// The approach that went into turning the grain before, mm.
     rocked_mm: f64,
+    /// The approach at which the plates begin to move, mm.
+    begins_mm: f64,
     height_mm: f64,
     mass_t: f64,
 }
@@ -218,10 +220,12 @@ impl Press {
             boundary,
             gap_mm,
             rocked_mm: 0.0,
+            begins_mm: 0.0,
             height_mm,
             mass_t,
         };
-        press.window.from_mm = press.approach_mm();
+        press.begins_mm = press.approach_mm();
+        press.window.from_mm = press.begins_mm;
         press.review()?;
         Ok(press)
     }
@@ -231,8 +235,14 @@ impl Press {
     #[must_use]
     pub fn rocked(mut self, approach_mm: f64) -> Self {
         self.rocked_mm = approach_mm;
-        self.window.from_mm = self.approach_mm();
+        self.begins_mm = self.approach_mm();
+        self.window.from_mm = self.begins_mm;
         self
+    }
+
+    /// The approach at which the plates begin to move, mm: that of turning the grain, less by what a mesh's nodes lie outside the body.
+    pub fn begins_mm(&self) -> f64 {
+        self.begins_mm
     }
 
     /// How far the farthest node is beyond a plate, mm: rounding.

@@ -50,18 +50,12 @@ impl ConvexHull {
         &self.neighbours[self.starts[vertex as usize] as usize..self.starts[vertex as usize + 1] as usize]
     }
 
-    /// The vertex that lies farthest in a direction, found by walking there from another; of several the first that is met.
-    pub fn farthest(&self, direction: &Vector, from: u32) -> u32 {
-        let reach = |v: u32| self.vertices[v as usize].coords.dot(direction);
-        let (mut at, mut far) = (from, reach(from));
-        while let Some((next, reached)) = (self.neighbours(at).iter())
-            .map(|&v| (v, reach(v)))
-            .max_by(|a, b| a.1.total_cmp(&b.1))
-            .filter(|next| next.1 > far)
-        {
-            (at, far) = (next, reached);
-        }
-        at
+    /// The vertex that lies farthest in a direction, of several the last. All are looked at: between corners of one plane, of which
+    /// some lie in the middle of a side, a walk from neighbour to neighbour may end too early.
+    pub fn farthest(&self, direction: &Vector) -> u32 {
+        let reach = |v: &Point| v.coords.dot(direction);
+        let far = self.vertices.iter().enumerate().max_by(|a, b| reach(a.1).total_cmp(&reach(b.1)));
+        far.map_or(0, |(v, _)| v as u32)
     }
 
     /// The facets on both sides of the edge between two vertices; the same one twice where there is no such edge.
@@ -286,7 +280,7 @@ mod tests {
             [p.x / 4.0, p.y / (0.3 * 4.0), p.z / (0.1 * 4.0)].iter().all(|c| (c - c.round()).abs() < 1e-12)
         };
         assert_eq!(hull.vertices.iter().filter(|p| corner(p)).count(), 8);
-        let middle = hull.farthest(&Vector::new(1.0, 1.0, 1.0), 0);
+        let middle = hull.farthest(&Vector::new(1.0, 1.0, 1.0));
         assert_eq!(hull.vertices[middle as usize], points[124]);
     }
 
@@ -311,7 +305,7 @@ mod tests {
             if let Some(hull) = ConvexHull::new(&points) {
                 check(&points, &hull);
                 for d in [Vector::x(), Vector::new(0.3, -0.8, 0.2), -Vector::z()] {
-                    let far = hull.vertices[hull.farthest(&d, 0) as usize].coords.dot(&d);
+                    let far = hull.vertices[hull.farthest(&d) as usize].coords.dot(&d);
                     prop_assert!(points.iter().all(|p| p.coords.dot(&d) <= far + 1e-12));
                 }
             }

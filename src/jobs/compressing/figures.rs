@@ -51,13 +51,6 @@ impl CompressSettings {
         self.rocking.map_or(0.0, |r| r.approach_mm)
     }
 
-    /// The curve while the plates turned the grain, without a force to speak of, up to where the finite elements' begins.
-    pub(super) fn rocking_curve(&self, begins_mm: f64) -> impl Iterator<Item = CurvePoint> {
-        let rocked = Some(self.rocked_mm().min(begins_mm)).filter(|mm| *mm > 0.0);
-        let ends = rocked.map(|mm| [0.0, mm].map(|approach_mm| CurvePoint { approach_mm, force_n: 0.0 }));
-        ends.into_iter().flatten()
-    }
-
     /// What a person should know of a run that goes on past the force asked for.
     pub fn goes_on(&self) -> Option<String> {
         let (asked_n, to_n) = self.goes_on_from_n.zip(self.loading.to_force_n)?;

@@ -157,10 +157,11 @@ impl Compression {
 
     /// Force against the approach of the plates, so far.
     pub fn curve(&self) -> Vec<CurvePoint> {
-        let samples = self.press.samples();
-        // A mesh's nodes may lie outside the body: then the plates come to them before the turning is done.
-        let begins_mm = samples.first().map_or(f64::INFINITY, |s| s.approach_mm);
-        self.settings.rocking_curve(begins_mm).chain(samples.iter().map(CurvePoint::from)).collect()
+        // While the plates turned the grain there was no force to speak of.
+        let ends = [0.0, self.press.begins_mm()].map(|approach_mm| CurvePoint { approach_mm, force_n: 0.0 });
+        let turning =
+            ends.into_iter().filter(|_| self.settings.rocked_mm() > 0.0 && self.press.begins_mm() > 0.0);
+        turning.chain(self.press.samples().iter().map(CurvePoint::from)).collect()
     }
 
     /// Computes to the end, or until `stop` is set, and writes the results either way.
