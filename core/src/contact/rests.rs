@@ -443,7 +443,7 @@ mod tests {
         let z_cap = 3.0 * (2.0 * r - cap).powi(2) / (4.0 * (3.0 * r - cap));
         let v = 4.0 / 3.0 * std::f64::consts::PI * r.powi(3);
         let center = Point::new(0.0, 0.0, -v_cap * z_cap / (v - v_cap));
-        for round in [360] {
+        for round in [300, 360] {
             let found = rests(&cut_sphere(r, h, round), center);
             let downs: Vec<f64> = found.rests.iter().map(|r| r.down.z).collect();
             assert_eq!(found.rests.len(), 2, "{round}: {downs:?}");
