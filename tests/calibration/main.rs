@@ -164,7 +164,7 @@ fn the_truth_of_random_rigs_lies_within_the_stated_uncertainty() {
 /// The default rig's own grains, two of which looked like a near camera once, and any others.
 #[test]
 fn a_telecentric_lens_is_not_taken_for_a_near_camera() {
-    let seeds: Vec<u64> = [1, 28].into_iter().chain(100..100 + rigs(6)).collect();
+    let seeds: Vec<u64> = [1, 28].into_iter().chain(100..100 + rigs(4)).collect();
     let of = |seed: u64| match seed {
         1 | 28 => Settings { seed, width: 900, height: 900, ..Settings::default() },
         _ => Settings { camera_distance_mm: None, ..random(seed, Wrong::Nothing) },
@@ -209,7 +209,7 @@ fn rigs_that_were_misread_state_how_little_they_know() {
 #[test]
 fn clean_rigs_raise_no_alarm() {
     let made = all(
-        2000..2000 + rigs(16),
+        2000..2000 + rigs(10),
         |seed| laboratory(seed, Wrong::Nothing),
         |seed, _, c| c.findings.iter().map(|f| format!("rig {seed}: {}", f.text)).collect::<Vec<_>>(),
     );
@@ -227,10 +227,13 @@ fn a_camera_that_looks_up_or_down_is_told_by_how_much() {
         let elevation_deg = rises[seed as usize % rises.len()];
         let camera_distance_mm = [Some(80.0), None, Some(200.0)][seed as usize % 3];
         let rig = laboratory(7000 + seed, Wrong::Nothing);
-        let captured = capture(&Settings { elevation_deg, camera_distance_mm, ..rig })?;
+        let size = Settings { width: 840, height: 760, ..rig };
+        let captured = capture(&Settings { elevation_deg, camera_distance_mm, ..size })?;
         let known = Known { camera_distance_mm, ..known(&captured) };
         let (c, _) = calibrated(&captured, &known);
-        let (value, sigma) = (c.elevation_deg.value.unwrap(), c.elevation_deg.sigma.unwrap());
+        let (Some(value), Some(sigma)) = (c.elevation_deg.value, c.elevation_deg.sigma) else {
+            panic!("rig {seed}, {elevation_deg}° at {camera_distance_mm:?} mm: {:?}", c.warnings)
+        };
         let mut rise = Errors::default();
         rise.add(value - elevation_deg, sigma);
         let is_right = c.rotation.counter_clockwise && c.findings.is_empty();
@@ -270,7 +273,12 @@ fn clean_rigs_raise_no_alarm_however_many_views_they_have() {
 fn clean_rigs_raise_no_alarm_however_small_the_grain() {
     let plans = [6, 8, 10, 12, 15, 20, 25, 36];
     let sizes = [30.0, 50.0, 80.0, 120.0];
-    let alarms: Vec<Vec<String>> = nearly_all(0..rigs(32), |seed| {
+    // Of the 32 that go through all, every other one: each number of views twice, each size four times.
+    let wanted = rigs(16);
+    let is_usual = |seed: &u64| wanted > 16 || (seed + seed / 8).is_multiple_of(2);
+    let seeds: Vec<u64> = (0..wanted.max(32)).filter(is_usual).collect();
+    let alarms: Vec<Vec<String>> = nearly_all(0..seeds.len() as u64, |k| {
+        let seed = seeds[k as usize];
         let views = plans[seed as usize % plans.len()];
         let size_px = sizes[seed as usize / plans.len() % sizes.len()];
         let rig = small(seed, size_px, Wrong::Nothing);
@@ -319,7 +327,7 @@ fn a_slip_is_named_and_located() {
     let wrong = |seed: u64| {
         Wrong::Slip(1 + (seed as usize * 7) % 24, if seed.is_multiple_of(2) { 1.0 } else { -1.3 })
     };
-    let [made, named, located] = found(rigs(8), wrong, FindingKind::Slip);
+    let [made, named, located] = found(rigs(6), wrong, FindingKind::Slip);
     assert!(named == made && located == made, "{made} {named} {located}");
 }
 
@@ -327,7 +335,7 @@ fn a_slip_is_named_and_located() {
 #[test]
 fn a_large_slip_is_named_and_located_however_small_the_grain() {
     let degrees = [4.0, -8.0, 13.0, -20.0, 25.0, -5.5, 11.0];
-    let cases: Vec<(u64, f64, usize)> = (0..rigs(12))
+    let cases: Vec<(u64, f64, usize)> = (0..rigs(8))
         .map(|seed| (seed, [270.0, 80.0][seed as usize % 2], [25, 15][seed as usize / 2 % 2]))
         .collect();
     let made: Vec<(bool, bool, usize)> = (cases.into_par_iter())
@@ -376,7 +384,7 @@ fn a_slip_on_a_finely_geared_motor_is_found_as_well() {
 #[test]
 fn a_lost_step_is_named_and_located() {
     let wrong = |seed: u64| Wrong::LostStep((seed as usize * 5) % 24);
-    let [made, named, located] = found(rigs(8), wrong, FindingKind::LostSteps);
+    let [made, named, located] = found(rigs(6), wrong, FindingKind::LostSteps);
     // 7 of the first 8 are, 20 of the first 24: on a smooth grain it passes for 0.6 % of every step, for a slip of 0.7° or
     // for nothing.
     assert!(6 * named >= 5 * made && located == named, "{made} {named} {located}");
@@ -396,12 +404,13 @@ fn a_grain_far_off_the_axis_shows_the_rig_as_well() {
     let settings = |seed: u64| Settings {
         eccentricity_mm: [0.3, -0.2],
         mm_per_px: 0.004,
-        width: 900,
         camera_distance_mm: Some(120.0),
         roll_deg: 0.4,
         ..laboratory(seed, Wrong::Nothing)
     };
-    for (seed, errors) in (1..9).zip(all(1..9, settings, |_, captured, c| errors_of(captured, c))) {
+    let seeds = 1..1 + rigs(4).min(8);
+    let made = all(seeds.clone(), settings, |_, captured, c| errors_of(captured, c));
+    for (seed, errors) in seeds.zip(made) {
         let [axis, rolls, ..] = errors;
         assert!(axis.errors[0] < 1.0, "rig {seed}: the axis is off by {:.2} px", axis.errors[0]);
         assert!(rolls.errors[0] < 0.15, "rig {seed}: the roll is off by {:.2}°", rolls.errors[0]);

@@ -12,8 +12,8 @@ use std::f64::consts::PI;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-/// Voxels along the longest edge, and rows of the slices: different, so that nothing coincides.
-const VOXELS: f64 = 512.0;
+/// Voxels along the longest edge, usually and with the hours, and rows of the slices: different, so that nothing coincides.
+const VOXELS: [f64; 2] = [312.0, 512.0];
 const ROWS: f64 = 640.0;
 
 fn grains() -> Vec<PathBuf> {
@@ -143,7 +143,7 @@ fn real_grains_have_the_volume_of_their_voxels() {
             let row_grid = RowGrid::tiling([b.min.z, b.max.z], 1.0 / ROWS).unwrap();
             let own = if all { &sets[..] } else { &sets[turn % sets.len()..][..1] };
             turn += 1;
-            let voxels = brute_force(&mesh, own, 1.0 / VOXELS);
+            let voxels = brute_force(&mesh, own, 1.0 / VOXELS[usize::from(all)]);
             let mut line = String::new();
             for (angles, counted) in own.iter().zip(voxels) {
                 let views: Vec<Strips> = (angles.par_iter())

@@ -12,7 +12,7 @@ use grainrig_core::register::RegisterError;
 use nalgebra::{Matrix3, Rotation3};
 use rayon::prelude::*;
 use serde_json::Value;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Every real grain of the folder; where it is not there, six built-in ones.
@@ -124,6 +124,7 @@ fn ideal_excess(a: &Settings, b: &Settings) -> f64 {
 fn config(simulated: &Settings) -> Config {
     let mut config: Config =
         toml::from_str("[plan]\nsettle_ms = 0\n[mesh]\nsurface_size_mm = 0.1\n").unwrap();
+    config.hull.voxel_mm = Some(simulated.mm_per_px.max(0.007));
     config.optics.mm_per_px = simulated.mm_per_px;
     config.optics.camera_distance_mm = simulated.camera_distance_mm;
     config.report.pictures = false;
@@ -138,19 +139,27 @@ fn quiet() -> Watcher {
 /// Captures both and merges them: what came of it, and the rows that either session took for z = 0.
 fn merged(a: &Settings, b: &Settings) -> Result<(Finished, [f64; 2]), JobError> {
     let home = tempfile::tempdir().unwrap();
-    let origins = [("a", a), ("b", b)].map(|(name, settings)| {
-        let config = config(settings);
-        let done = jobs::capture(home.path(), name, &config, None, &Control::new(), &quiet()).unwrap().result;
-        done.axis.unwrap().origin_row_px
-    });
-    let out = home.path().join("out");
-    let folders = [home.path().join("a"), home.path().join("b")];
+    let origins = [captured(home.path(), "a", a), captured(home.path(), "b", b)];
+    joined(home.path(), ["a", "b"]).map(|done| (done, origins))
+}
+
+/// Captures a session; the row that it took for z = 0.
+fn captured(home: &Path, name: &str, settings: &Settings) -> f64 {
+    let config = config(settings);
+    let done = jobs::capture(home, name, &config, None, &Control::new(), &quiet()).unwrap().result;
+    done.axis.unwrap().origin_row_px
+}
+
+/// Merges two sessions.
+fn joined(home: &Path, names: [&str; 2]) -> Result<Finished, JobError> {
+    let out = home.join("out");
+    let folders = names.map(|name| home.join(name));
     let done = jobs::merge([&folders[0], &folders[1]], &out, None, &quiet());
     assert_eq!(out.exists(), done.is_ok(), "a refusal leaves nothing, a result its files");
     if done.is_ok() {
         assert_eq!(kit::files(&out.join("products")), ["grain.inp", "grain.stl", "grain.vtu", "result.json"]);
     }
-    done.map(|done| (done, origins))
+    done
 }
 
 fn turn(settings: &Settings) -> Rotation3<f64> {
@@ -251,8 +260,12 @@ fn a_ball_fits_in_every_way_and_is_refused() {
 #[test]
 fn two_different_grains_are_refused() {
     let all = grains();
-    for (a, b) in [(&all[0], &all[1]), (&all[1], &all[5])] {
-        let refused = merged(a, &remounted(b, 50.0)).unwrap_err();
+    let home = tempfile::tempdir().unwrap();
+    captured(home.path(), "first", &all[0]);
+    captured(home.path(), "second", &remounted(&all[1], 50.0));
+    captured(home.path(), "third", &all[5]);
+    for names in [["first", "second"], ["third", "second"]] {
+        let refused = joined(home.path(), names).unwrap_err();
         println!("{refused}");
         assert!(
             matches!(&refused, JobError::Pipeline(PipelineError::Register(RegisterError::Poor { .. }))),

@@ -111,7 +111,8 @@ fn struck(picture: &Picture, share: f64, seed: u64) -> Picture {
     })
 }
 
-/// The hull's volume in mm³ of a folder of rendered views, by `grainrig import`.
+/// The hull's volume in mm³ of a folder of rendered views, of which every other one and the closing one are taken, by
+/// `grainrig import`.
 fn imported_volume(folder: &Path) -> f64 {
     let home = tempfile::tempdir().unwrap();
     let run = Command::new(env!("CARGO_BIN_EXE_grainrig"))
@@ -121,7 +122,8 @@ fn imported_volume(folder: &Path) -> f64 {
         .env("XDG_CONFIG_HOME", home.path())
         .args(["--json", "import"])
         .arg(folder)
-        .args(["--pattern", "grain_*.png", "--name", "one", "--step-deg", "7.2", "--closing-view", "25"])
+        .args(["--pattern", "grain_{?[02468],25}.png", "--name", "one", "--step-deg", "14.4"])
+        .args(["--closing-view", "13", "--no-pictures", "--surface-size-mm", "0.2"])
         .args(["--mm-per-px", "0.00437", "--camera-distance-mm", "120", "--background"])
         .arg(folder.join("empty.png"))
         .output()
@@ -135,7 +137,8 @@ fn imported_volume(folder: &Path) -> f64 {
 fn salt_and_pepper_leave_the_volume_of_an_imported_grain_as_it_is() {
     let Some(folder) = shared_data("turntable-rendered/sand_ma107_00002") else { return };
     let clean = imported_volume(&folder);
-    let mut names: Vec<String> = (0..26).map(|k| format!("grain_{k:02}.png")).collect();
+    let views = (0..26).step_by(2).chain([25]);
+    let mut names: Vec<String> = views.map(|k| format!("grain_{k:02}.png")).collect();
     names.push("empty.png".into());
     for share in [0.002, 0.005, 0.01] {
         let noisy = tempfile::tempdir().unwrap();
@@ -282,7 +285,7 @@ fn a_file_of_poor_quality_leaves_the_outline_where_it_is() {
 /// The hull of simulated views under their true cameras changes by no more than half a percent.
 #[test]
 fn salt_and_pepper_leave_the_hull_its_volume() {
-    let rig = Rig { width: 1000, height: 760, ..Rig::default() };
+    let rig = Rig { width: 480, height: 420, ..Rig::default() };
     let (mut stage, mut camera, truth) = simulated::open(&rig).unwrap();
     stage.home().unwrap();
     let views: Vec<_> = (0..12)
