@@ -52,7 +52,7 @@ test-hil: tools drivers
 	prepared=0; tests/hil/prepare.sh target/debug/grainrig $(HIL) || prepared=$$?; \
 	[ $$prepared != 77 ] || exit 0; \
 	[ $$prepared = 0 ] || exit $$prepared; \
-	GRAINRIG_HIL=$(HIL) timeout 300 $(CARGO) test $(FEATURES) --test hil -- --nocapture
+	GRAINRIG_HIL=$(HIL) timeout 600 $(CARGO) test $(FEATURES) --test hil -- --nocapture
 
 # What the tests need beside Rust and Node: CalculiX reads the decks, a browser opens the monitor, the controller's
 # firmware runs on a simulated chip. Where one cannot

@@ -30,7 +30,9 @@ use std::sync::{Arc, Mutex};
 const VIEWS: usize = 6;
 const STEP_DEG: f64 = 36.0;
 const STEP: i64 = 320;
-const MM_PER_PX: f64 = 0.0043;
+/// Of the kernel's camera; and of the grain's pictures, of a quarter of the pixels that they have in other tests.
+const VIDEO_MM_PER_PX: f64 = 0.0043;
+const GRAIN_MM_PER_PX: f64 = 0.0086;
 /// The side of the square that the kernel's camera shows, pixels.
 const SQUARE: usize = 256;
 /// An emulated processor is slow: what is computed from the pictures is coarse.
@@ -41,10 +43,8 @@ steps_per_view = 40
 settle_ms = 0
 [report]
 pictures = false
-[optics]
-mm_per_px = 0.0043
 [hull]
-voxel_mm = 0.02
+voxel_mm = 0.05
 [mesh]
 surface_size_mm = 0.15
 ";
@@ -80,7 +80,10 @@ impl Rig {
         let board = Board::start(0, -1_000_000)?;
         let line = board.port.clone();
         let (lab, board) = (Lab::new(), Arc::new(Mutex::new(board)));
-        let mut grain = Grain::new(&lab, &board, |_| ());
+        let mut grain = Grain::new(&lab, &board, |settings| {
+            (settings.width, settings.height) = (320, 240);
+            settings.mm_per_px = GRAIN_MM_PER_PX;
+        });
         let exposed = grain.exposed();
         let setup = Setup::new(Personality::Eos)
             .with(Fault::Die { refusals: 2 }, CAMERA_OUT)
@@ -171,8 +174,8 @@ fn the_program_drives_the_devices_of_a_real_kernel() {
     let Some(mut rig) = Rig::new() else { return };
     what_is_plugged_in_is_found(&mut rig);
     // Nothing names the camera: it is the only one.
-    let eos = "[gphoto2]\nset = { iso = \"100\" }\nrequire = { autoexposuremode = \"Manual\" }\n\
-               retry_s = [1.0, 2.0, 4.0]\nclaimed_retry_s = [0.5]\n";
+    let eos = "[optics]\nmm_per_px = 0.0086\n[gphoto2]\nset = { iso = \"100\" }\n\
+               require = { autoexposuremode = \"Manual\" }\nretry_s = [1.0, 2.0, 4.0]\nclaimed_retry_s = [0.5]\n";
     rig.configure("gphoto2", eos);
     a_camera_that_another_program_holds_is_told_with_its_name(&mut rig);
     nothing_is_lost_or_doubled_while_cables_are_pulled(&mut rig);
@@ -180,8 +183,8 @@ fn the_program_drives_the_devices_of_a_real_kernel() {
     let device = rig.device("v4l2", "vivid").to_owned();
     // The kernel's camera shows a green square on white, and writes nothing over it; so all pictures are the same.
     let video = format!(
-        "[acquire]\nquality = \"off\"\n[v4l2]\ndevice = \"{device}\"\nformat = \"yuyv\"\nwidth = 640\nheight = 480\n\
-         frame_s = 10.0\nshot_s = 30.0\n\
+        "[optics]\nmm_per_px = 0.0043\n[acquire]\nquality = \"off\"\n[v4l2]\ndevice = \"{device}\"\nformat = \"yuyv\"\n\
+         width = 640\nheight = 480\nframe_s = 10.0\nshot_s = 30.0\n\
          controls = {{ test_pattern = 6, show_square = 1, osd_text_mode = 2 }}\n"
     );
     rig.configure("v4l2", &video);
@@ -263,7 +266,7 @@ fn a_video_camera_is_set_and_captured(rig: &mut Rig) {
     let is_square = |pixel: &image::Rgb<u8>| pixel.0[0] < 128;
     assert_eq!(picture.pixels().filter(|p| is_square(p)).count(), SQUARE * SQUARE);
     let half = (STEP_DEG / 2.0).to_radians();
-    let side_mm = SQUARE as f64 * MM_PER_PX;
+    let side_mm = SQUARE as f64 * VIDEO_MM_PER_PX;
     let prism_mm3 = 180.0 / STEP_DEG * 2.0 * (side_mm / 2.0).powi(2) * half.tan() * side_mm;
     let volume_mm3 = figure(&result, "/hull/volume_mm3");
     assert!((volume_mm3 / prism_mm3 - 1.0).abs() < 1e-3, "{volume_mm3} mm³, {prism_mm3} mm³ expected");
