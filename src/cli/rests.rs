@@ -42,10 +42,11 @@ pub(super) fn run(common: &Common, options: &RestsOptions) -> Result<()> {
             (true, true) => "until friction holds it",
             (true, false) => "until it stands",
         };
+        let foot = if r.on_foot { '*' } else { ' ' };
         let photographed = if r.rest == found.as_photographed { "; as photographed" } else { "" };
         let _ = writeln!(
             text,
-            "{:>4} {:>6.1} % {:>10.4} {:>9} {:>5} {:>7.2}° {:>11.2} {:>8.2}°  {end}{photographed}",
+            "{:>4}{foot}{:>6.1} % {:>10.4} {:>9} {:>5} {:>7.2}° {:>11.2} {:>8.2}°  {end}{photographed}",
             r.rest,
             100.0 * r.chance,
             r.height_mm,

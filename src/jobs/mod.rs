@@ -37,8 +37,8 @@ pub use capturing::{CaptureOptions, ResumeOptions, Resumed, capture, resume};
 pub use compressing::{
     Claim, CompressDetails, CompressFile, CompressHost, CompressInput, CompressLine, CompressMaterial,
     CompressOptions, CompressProgress, CompressRequest, CompressResult, CompressSettings, CompressState,
-    Compression, EnergyResult, ExperimentResult, OtherCurve, Placing, RockingBy, RockingResult,
-    experiment_lines, rocking_line, transition_line,
+    Compression, EnergyResult, ExperimentResult, FootBy, FootResult, OtherCurve, Placing, RockingBy,
+    RockingResult, experiment_lines, rocking_line, transition_line,
 };
 pub use devices::{DeviceLine, devices};
 pub use doctor::{Finding, Health, doctor};

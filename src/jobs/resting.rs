@@ -1,12 +1,13 @@
 //! How a grain can come to lie, and how closing plates turn it.
 
 use super::compressing::{
-    CompressInput, CompressOptions, CompressRequest, Placing, doubts, hull_of, surface_center,
+    CompressInput, CompressOptions, CompressRequest, FootBy, Placing, doubts, footed, hull_of, on_foot,
+    surface_center,
 };
 use super::mesh_files::Unit;
 use super::{Context, JobError};
 use crate::session::write_whole;
-use grainrig_core::contact::{ContactError, Plates, Rest, Rests, Rocking, rocking};
+use grainrig_core::contact::{ContactError, Foot, Plates, Rest, Rests, Rocking, rocking};
 use grainrig_core::geometry::{Point, TriangleMesh, Vector};
 use grainrig_core::plausible::{self, FRICTION};
 use grainrig_core::report::{Pose, Poses};
@@ -37,6 +38,11 @@ pub struct RestsOptions {
     /// given. Rests less than 3° apart that take ten times that at most are one in any case: a round surface's facets.
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub least_lift_mm: Option<f64>,
+    /// What becomes of the part of a session's grain that the pedestal hid: it is closed as the surface around it goes on, or stays
+    /// the flat that it was cut to.
+    #[arg(long, value_enum, value_name = "BY", default_value_t)]
+    #[serde(default)]
+    pub foot: FootBy,
     /// Folder for rests.csv and rests.png; NAME-rests unless given.
     #[arg(long, value_name = "DIR")]
     #[schema(value_type = Option<String>)]
@@ -60,6 +66,8 @@ pub struct RestsResult {
     pub as_photographed: usize,
     /// All rests, the most likely first.
     pub rests: Vec<RestLine>,
+    /// How deep the part that the pedestal hid was closed, mm; none where nothing was hidden, or it was left flat.
+    pub foot_depth_mm: Option<f64>,
     /// What was written, as it was named.
     pub files: Vec<String>,
     /// What a person should know.
@@ -91,12 +99,14 @@ pub struct RestLine {
     pub rocking_deg: f64,
     /// Whether friction holds it in the end; if not, its upper contacts stand above the lower ones.
     pub held_by_friction: bool,
+    /// Where the plates touch the grain where the pedestal hid it, as it lies or as they hold it: there its surface is not known.
+    pub on_foot: bool,
     /// What `compress --rotate-deg` takes to lay it so, degrees.
     pub rotate_deg: [f64; 3],
 }
 
 impl RestLine {
-    fn new(number: usize, rest: &Rest, rocked: &Rocking) -> Self {
+    fn new(number: usize, rest: &Rest, rocked: &Rocking, on_foot: bool) -> Self {
         let (x, y, z) = rest.turn.euler_angles();
         let [gap, _] = rocked.slopes;
         Self {
@@ -111,6 +121,7 @@ impl RestLine {
             rocking_mm: rocked.approach_mm(),
             rocking_deg: rocked.angle().to_degrees(),
             held_by_friction: rocked.held_by_friction,
+            on_foot,
             rotate_deg: [x, y, z].map(f64::to_degrees),
         }
     }
@@ -144,7 +155,7 @@ impl RestsOptions {
         let found = doubts(&input, &Placing::default(), None).into_iter().chain(FRICTION.doubt(friction));
         warnings.extend(plausible::settle(found.collect(), self.as_given || context.as_given)?);
         let source = input.name();
-        let surface = surface(input)?;
+        let (surface, foot) = self.surface(input)?;
         let center = surface_center(&surface);
         let rests = Rests::new(hull_of(&surface.vertices)?, &center, self.least_lift_mm);
         let mut lines = Vec::new();
@@ -153,7 +164,11 @@ impl RestsOptions {
         for (k, rest) in rests.rests.iter().enumerate() {
             context.working("rests", k as f64 / rests.rests.len() as f64);
             let rocked = rocking(rests.hull(), &rest.turn, friction);
-            let line = RestLine::new(k + 1, rest, &rocked);
+            let touches_foot = foot.as_ref().is_some_and(|foot| {
+                let touched = [(&rocked.first, rest.turn), (&rocked.held, rocked.turned * rest.turn)];
+                touched.iter().any(|(at, pose)| on_foot(foot, at, pose, &center) != [0.0; 2])
+            });
+            let line = RestLine::new(k + 1, rest, &rocked, touches_foot);
             if poses.len() < DRAWN {
                 poses.push(pose(&surface, &center, rest, &rocked, captions(&line, as_photographed)));
             }
@@ -164,6 +179,8 @@ impl RestsOptions {
                 "with a least lift of your own the rests' numbers are not those of `compress --rest`: give it rotate_deg".into(),
             );
         }
+        let foot_depth_mm = foot.as_ref().and_then(|f| f.depth_mm).filter(|_| self.foot == FootBy::Closed);
+        warnings.extend(foot.as_ref().and_then(|f| foot_warning(f, foot_depth_mm, &lines)));
         if lines.len() > FACETS {
             warnings.push(format!(
                 "{} rests are many: where the surface's facets are coarse the grain rests on each of them; a finer surface, or \
@@ -186,7 +203,31 @@ impl RestsOptions {
             files.push(folder.join(name).display().to_string());
         }
         let least_lift_mm = rests.least_lift_mm;
-        Ok(RestsResult { source, friction, least_lift_mm, as_photographed, rests: lines, files, warnings })
+        let rests = lines;
+        Ok(RestsResult {
+            source,
+            friction,
+            least_lift_mm,
+            as_photographed,
+            rests,
+            foot_depth_mm,
+            files,
+            warnings,
+        })
+    }
+
+    /// The surface of what is pressed, and what of it was hidden.
+    fn surface(&self, input: CompressInput) -> Result<(TriangleMesh, Option<Foot>), JobError> {
+        match input {
+            CompressInput::Surface { surface, hidden_mm, .. } => Ok(footed(&surface, hidden_mm, self.foot)),
+            CompressInput::Mesh(mesh, _) => {
+                mesh.check().map_err(ContactError::Mesh)?;
+                Ok((mesh.surface().triangles, None))
+            }
+            CompressInput::Sphere(_) => {
+                Err(JobError::Usage("a sphere lies anyhow; give a session or a file".into()))
+            }
+        }
     }
 
     fn friction(&self) -> Result<f64, ContactError> {
@@ -217,18 +258,23 @@ impl RestsOptions {
     }
 }
 
-/// The surface of what is pressed.
-fn surface(input: CompressInput) -> Result<TriangleMesh, JobError> {
-    match input {
-        CompressInput::Surface(surface, _) => Ok(surface),
-        CompressInput::Mesh(mesh, _) => {
-            mesh.check().map_err(ContactError::Mesh)?;
-            Ok(mesh.surface().triangles)
+/// What a person should know of rests on a foot.
+fn foot_warning(foot: &Foot, depth_mm: Option<f64>, lines: &[RestLine]) -> Option<String> {
+    let share: f64 = lines.iter().filter(|l| l.on_foot).map(|l| l.chance).sum();
+    let count = lines.iter().filter(|l| l.on_foot).count();
+    let is = match depth_mm {
+        Some(mm) => {
+            format!("closed as the surface around goes on, {:.1} µm deep, known to a factor of two", 1e3 * mm)
         }
-        CompressInput::Sphere(_) => {
-            Err(JobError::Usage("a sphere lies anyhow; give a session or a file".into()))
-        }
-    }
+        None => "left the flat that it was cut to".to_owned(),
+    };
+    (count > 0).then(|| {
+        format!(
+            "{count} rests (* in the table, {:.0} % of the chances) touch a plate with the {:.4} mm² that the pedestal hid, which are {is}",
+            100.0 * share,
+            foot.area_mm2
+        )
+    })
 }
 
 fn pose(
@@ -249,13 +295,14 @@ fn pose(
 
 fn captions(line: &RestLine, as_photographed: usize) -> Vec<String> {
     let photographed = if line.rest == as_photographed { ", as photographed" } else { "" };
+    let foot = if line.on_foot { ", on the foot" } else { "" };
     let rocks = if line.rocks {
         format!("rocks {:.1} µm, {:.1}°", 1e3 * line.rocking_mm, line.rocking_deg)
     } else {
         "held as it lies".to_owned()
     };
     vec![
-        format!("{}: {:.1} %{photographed}", line.rest, 100.0 * line.chance),
+        format!("{}: {:.1} %{photographed}{foot}", line.rest, 100.0 * line.chance),
         format!("gap {:.1}°, {rocks}", line.gap_deg),
     ]
 }
@@ -264,14 +311,14 @@ fn captions(line: &RestLine, as_photographed: usize) -> Vec<String> {
 fn table(lines: &[RestLine]) -> String {
     let mut out = String::from(
         "rest,chance,height_mm,center_mm,lift_mm,feet,gap_deg,rocks,rocking_mm,rocking_deg,held_by_friction,\
-         rotate_x_deg,rotate_y_deg,rotate_z_deg\n",
+         on_foot,rotate_x_deg,rotate_y_deg,rotate_z_deg\n",
     );
     for l in lines {
         let lift = l.lift_mm.map_or_else(String::new, |mm| format!("{mm:.6}"));
         let [x, y, z] = l.rotate_deg;
         let _ = writeln!(
             out,
-            "{},{:.5},{:.6},{:.6},{lift},{},{:.4},{},{:.6},{:.4},{},{x:.4},{y:.4},{z:.4}",
+            "{},{:.5},{:.6},{:.6},{lift},{},{:.4},{},{:.6},{:.4},{},{},{x:.4},{y:.4},{z:.4}",
             l.rest,
             l.chance,
             l.height_mm,
@@ -281,7 +328,8 @@ fn table(lines: &[RestLine]) -> String {
             l.rocks,
             l.rocking_mm,
             l.rocking_deg,
-            l.held_by_friction
+            l.held_by_friction,
+            l.on_foot
         );
     }
     out

@@ -120,7 +120,7 @@ impl Merged {
             format!("made by {software} from sessions {} and {}", a.session, b.session),
             format!("{} + {} views, in the frame of session {}", a.views, b.views, a.session),
         ];
-        of_mesh(&self.tetrahedra, &self.controls, &provenance)
+        of_mesh(&self.tetrahedra, &self.controls, &provenance, None)
     }
 }
 

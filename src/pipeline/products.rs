@@ -32,7 +32,8 @@ pub fn products(made: &Reconstruction, software: &str, session: &str) -> Result<
     if made.hull.volume_mm3.is_none() {
         provenance.push("NOT METRIC: the cameras have no unit of length".into());
     }
-    let mut out = of_mesh(&made.tetrahedra, &made.controls, &provenance)?;
+    let mut out =
+        of_mesh(&made.tetrahedra, &made.controls, &provenance, made.hull.contact_patch.map(|p| p.height_mm))?;
     if let Some(sheet) = &made.sheet {
         let title = format!("Calibration of session {session} ({software})");
         out.extend(sheet_files(SHEET, &Sheet { title, ..sheet.clone() })?);
@@ -45,14 +46,15 @@ pub fn products(made: &Reconstruction, software: &str, session: &str) -> Result<
     Ok(out)
 }
 
-/// The mesh as Abaqus input, `ParaView` grid and STL surface.
+/// The mesh as Abaqus input, `ParaView` grid and STL surface; its pedestal hid it up to a height, mm, where it stood on one.
 pub(super) fn of_mesh(
     mesh: &TetMesh,
     controls: &Controls,
     provenance: &[String],
+    hidden_mm: Option<f64>,
 ) -> Result<Vec<Product>, PipelineError> {
     let mut deck = Vec::new();
-    inp::write(mesh, provenance, controls.surface_size_mm, &mut deck)?;
+    inp::write_standing(mesh, provenance, controls.surface_size_mm, hidden_mm, &mut deck)?;
     let mut grid = Vec::new();
     let volumes: Vec<f64> = mesh.tet_volumes_mm3().collect();
     let column = vtu::Column { name: "volume_mm3", components: 1, values: &volumes };

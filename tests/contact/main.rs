@@ -6,6 +6,7 @@ mod command;
 mod decks;
 mod elements;
 mod experiments;
+mod foot;
 mod grain;
 mod killed;
 mod laws;

@@ -11,8 +11,7 @@ use std::f64::consts::PI;
 fn a_plastic_sphere_carries_tabors_pressure_and_does_not_lock() {
     let (radius, yield_mpa) = (0.4075, 100.0);
     let material = Material { yield_mpa: Some(yield_mpa), ..Material::default() };
-    let meshes: &[[f64; 2]] =
-        if long() { &[[0.010, 0.07], [0.007, 0.06]] } else { &[[0.014, 0.10], [0.011, 0.10]] };
+    let meshes: &[[f64; 2]] = if long() { &[[0.010, 0.07], [0.007, 0.06]] } else { &[[0.014, 0.10]] };
     let speeds = if long() { Loading::default() } else { quicker() };
     for sizes in meshes {
         let (press, curve) = pressed(&material, radius, *sizes, 0.0045, &speeds);
@@ -59,7 +58,7 @@ fn yield_begins_where_johnson_says() {
     let (radius, yield_mpa) = (0.4075, 6000.0);
     let material = Material { poisson: 0.3, yield_mpa: Some(yield_mpa), ..Material::default() };
     let onset = hertz::yield_force_n(&material, radius, yield_mpa);
-    let sizes: &[[f64; 2]] = if long() { &[[0.010, 0.10], [0.007, 0.10]] } else { &[[0.010, 0.10]] };
+    let sizes: &[[f64; 2]] = if long() { &[[0.010, 0.10], [0.007, 0.10]] } else { &[[0.0125, 0.10]] };
     for [at_contact, elsewhere] in sizes {
         let mesh = graded_ball(radius, *at_contact, 0.006, *elsewhere);
         let speeds = if long() { Loading::default() } else { quicker() };

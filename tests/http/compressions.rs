@@ -88,6 +88,21 @@ fn a_grain_is_compressed_and_its_results_are_served() {
     let (_, status) = daemon.get("/status");
     assert_eq!((&status["state"], &status["compression"]["state"]), (&json!("complete"), &json!("complete")));
     assert_eq!(status["compression"]["curve"], json!(told));
+    // What the pedestal hid is closed, and said.
+    let foot = &one["result"]["settings"]["foot"];
+    assert!(foot["height_mm"].as_f64().unwrap() > 0.0 && foot["area_mm2"].as_f64().unwrap() > 0.0, "{foot}");
+    assert!(foot["depth_mm"].as_f64().unwrap() > 0.0, "{foot}");
+    let (code, closed, err) = lab.run(&["rests", "quartz", "--json"]);
+    assert_eq!(code, Some(0), "{err}");
+    let (_, flat, _) = lab.run(&["rests", "quartz", "--json", "--foot", "flat"]);
+    let [closed, flat] = [closed, flat].map(|text| serde_json::from_str::<Value>(&text).unwrap());
+    assert_eq!((&closed["foot_depth_mm"], &flat["foot_depth_mm"]), (&foot["depth_mm"], &Value::Null));
+    // As it was photographed it stands on what nobody saw.
+    for found in [&closed, &flat] {
+        let stood = found["as_photographed"].as_u64().unwrap() as usize;
+        assert_eq!(found["rests"][stood - 1]["on_foot"], true, "{found}");
+        assert!(found["warnings"].to_string().contains("the pedestal hid"), "{}", found["warnings"]);
+    }
     // Every file that is listed is served as it is, and none that only a resumed run reads.
     let names: Vec<String> =
         one["files"].as_array().unwrap().iter().map(|f| f["file"].as_str().unwrap().to_owned()).collect();

@@ -458,6 +458,39 @@ mod tests {
         }
     }
 
+    /// Of a mesher's block most vertices lie in the middle of its sides.
+    #[test]
+    fn a_block_with_vertices_all_over_its_sides_is_the_plain_block() {
+        let size = [1.0, 0.7, 0.4];
+        let mut points = Vec::new();
+        for i in 0..7 * 7 * 7 {
+            let at = [i % 7, i / 7 % 7, i / 49];
+            let place = |k: usize| size[k] * (f64::from(at[k]) / 6.0 - 0.5);
+            points.push(Point::new(place(0), place(1), place(2)));
+        }
+        let center = Point::new(0.2, 0.05, -0.05);
+        let (plain, all_over) = (rests(&block(size), center), rests(&points, center));
+        assert!(all_over.hull().vertices.len() > 8);
+        assert_eq!(plain.rests.len(), all_over.rests.len());
+        for (a, b) in plain.rests.iter().zip(&all_over.rests) {
+            assert!((a.chance - b.chance).abs() < 1e-3 && (a.down - b.down).norm() < 1e-9, "{a:?}, {b:?}");
+            assert!((a.center_mm - b.center_mm).abs() < 1e-9, "{a:?}, {b:?}");
+            assert!(a.lift_mm == b.lift_mm || (a.lift_mm - b.lift_mm).abs() < 1e-9, "{a:?}, {b:?}");
+        }
+        for k in 0..60 {
+            let k = f64::from(k);
+            let lay = Rotation3::from_euler_angles(1.3 * k, 0.7 * k, 2.1 * k);
+            for friction in [0.0, 0.2] {
+                let [a, b] = [&plain, &all_over].map(|r| super::super::rocking(r.hull(), &lay, friction));
+                assert!(
+                    (a.from_mm - b.from_mm).abs() < 1e-9 && (a.to_mm - b.to_mm).abs() < 1e-9,
+                    "{a:?}, {b:?}"
+                );
+                assert_eq!(a.held_by_friction, b.held_by_friction);
+            }
+        }
+    }
+
     #[test]
     fn a_direction_leads_to_the_rest_that_it_counts_for() {
         let found = rests(&block([1.0, 0.7, 0.4]), Point::new(0.1, 0.0, 0.0));

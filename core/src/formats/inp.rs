@@ -12,6 +12,7 @@
 //! | `TOP`, `BOTTOM` | node sets: surface nodes within one band of the highest, of the lowest node |
 //! | `TOP_SURFACE`, `BOTTOM_SURFACE` | surfaces: outer faces with at least one corner in the set |
 //! | `TOP_ELEMENTS`, `BOTTOM_ELEMENTS` | element sets: the elements of these faces |
+//! | `FOOT`, `FOOT_SURFACE`, `FOOT_ELEMENTS` | the same where a pedestal hid the grain, if one did: [`write_standing`] |
 
 use super::{ExportError, Format, Reads, Writes, inp_read, resolution};
 use crate::mesh::{SecondOrder, Surface, TetMesh};
@@ -56,6 +57,20 @@ pub fn write(
     write_order(mesh, Order::First, provenance, band_mm, out)
 }
 
+/// The same of a grain that stood on a pedestal, which hid it up to a height in the mesh's frame, mm: with the sets of that part.
+///
+/// # Errors
+/// As [`write()`].
+pub fn write_standing(
+    mesh: &TetMesh,
+    provenance: &[String],
+    band_mm: f64,
+    hidden_mm: Option<f64>,
+    out: impl Write,
+) -> Result<(), ExportError> {
+    write_sets(mesh, Order::First, provenance, band_mm, hidden_mm, out)
+}
+
 /// The same in elements of either order.
 ///
 /// # Errors
@@ -65,6 +80,17 @@ pub fn write_order(
     order: Order,
     provenance: &[String],
     band_mm: f64,
+    out: impl Write,
+) -> Result<(), ExportError> {
+    write_sets(mesh, order, provenance, band_mm, None, out)
+}
+
+fn write_sets(
+    mesh: &TetMesh,
+    order: Order,
+    provenance: &[String],
+    band_mm: f64,
+    hidden_mm: Option<f64>,
     mut out: impl Write,
 ) -> Result<(), ExportError> {
     let unfit = |what: String| Err(ExportError::Unfit { format: "an Abaqus deck", what });
@@ -112,6 +138,10 @@ pub fn write_order(
     let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), z| (l.min(z), h.max(z)));
     band(&mut out, &middles, "TOP", |n| mesh.nodes[n as usize].z >= high - band_mm)?;
     band(&mut out, &middles, "BOTTOM", |n| mesh.nodes[n as usize].z <= low + band_mm)?;
+    let hidden = |n: u32| hidden_mm.is_some_and(|mm| mesh.nodes[n as usize].z < mm);
+    if surface.nodes.iter().any(|&n| hidden(n)) {
+        band(&mut out, &middles, "FOOT", hidden)?;
+    }
     Ok(out.flush()?)
 }
 
@@ -233,6 +263,27 @@ mod tests {
         let mut bytes = Vec::new();
         write(&mesh, provenance, band_mm, &mut bytes).unwrap();
         String::from_utf8(bytes).unwrap()
+    }
+
+    #[test]
+    fn what_a_pedestal_hid_is_a_set() {
+        let nodes = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.]].map(Point::from).to_vec();
+        let mesh = TetMesh::new(nodes, vec![[0, 1, 2, 3]]);
+        let deck = |hidden_mm| {
+            let mut bytes = Vec::new();
+            write_standing(&mesh, &[], 0.0, hidden_mm, &mut bytes).unwrap();
+            String::from_utf8(bytes).unwrap()
+        };
+        let foot = "*NSET, NSET=FOOT\n1, 2, 3\n*SURFACE, TYPE=ELEMENT, NAME=FOOT_SURFACE\n\
+                    1, S1\n1, S2\n1, S3\n1, S4\n*ELSET, ELSET=FOOT_ELEMENTS\n1\n";
+        let [none, below, all] = [None, Some(-0.1), Some(0.1)].map(deck);
+        assert_eq!(none, below);
+        let sorted = |text: &str| {
+            let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+            lines.sort_unstable();
+            lines
+        };
+        assert_eq!(sorted(all.strip_prefix(&none).unwrap()), sorted(foot));
     }
 
     #[test]

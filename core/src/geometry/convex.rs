@@ -9,7 +9,8 @@ use std::collections::HashMap;
 
 /// A convex polyhedron: triangles, each with its neighbours.
 ///
-/// A flat side with more than three corners has several triangles, in one plane.
+/// A flat side with more than three corners has several triangles, in one plane; some of their corners may lie in the middle
+/// of the side.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ConvexHull {
     /// The corners, mm.
@@ -50,8 +51,8 @@ impl ConvexHull {
         &self.neighbours[self.starts[vertex as usize] as usize..self.starts[vertex as usize + 1] as usize]
     }
 
-    /// The vertex that lies farthest in a direction, of several the last. All are looked at: between corners of one plane, of which
-    /// some lie in the middle of a side, a walk from neighbour to neighbour may end too early.
+    /// The vertex that lies farthest in a direction, of several the last. All are looked at: a walk from neighbour to neighbour
+    /// would end on a vertex in the middle of a flat side that looks the other way, as none beside it lies farther.
     pub fn farthest(&self, direction: &Vector) -> u32 {
         let reach = |v: &Point| v.coords.dot(direction);
         let far = self.vertices.iter().enumerate().max_by(|a, b| reach(a.1).total_cmp(&reach(b.1)));
@@ -282,6 +283,31 @@ mod tests {
         assert_eq!(hull.vertices.iter().filter(|p| corner(p)).count(), 8);
         let middle = hull.farthest(&Vector::new(1.0, 1.0, 1.0));
         assert_eq!(hull.vertices[middle as usize], points[124]);
+    }
+
+    /// A random test found it: of the first vertex, in the middle of the side x = −1, all neighbours are at x = −1 too.
+    #[test]
+    fn the_farthest_is_found_beyond_a_flat_side_that_looks_away() {
+        let quarters = [
+            [0, 0, -1],
+            [0, -4, -3],
+            [4, -3, 3],
+            [-4, 0, 0],
+            [-4, 4, 0],
+            [-4, 2, -3],
+            [-4, 2, -2],
+            [-3, -3, 4],
+            [2, 4, -4],
+            [-4, 0, -3],
+            [0, -4, 0],
+            [4, 0, 0],
+        ];
+        let points = quarters.map(|p| Point::from(p.map(|c| 0.25 * f64::from(c))));
+        let hull = ConvexHull::new(&points).unwrap();
+        check(&points, &hull);
+        let x = |v: u32| hull.vertices[v as usize].x;
+        assert!(x(0) == -1.0 && hull.neighbours(0).iter().all(|v| x(*v) == -1.0));
+        assert_eq!(x(hull.farthest(&Vector::x())), 1.0);
     }
 
     #[test]

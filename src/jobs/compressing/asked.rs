@@ -3,7 +3,8 @@
 use super::body;
 use super::laws::{self, Parameters};
 use super::{
-    CompressInput, CompressSettings, Compression, JobError, MESH, Placing, RESULT, RUN, RockingBy, TEXT_LIMIT,
+    CompressInput, CompressSettings, Compression, FootBy, JobError, MESH, Placing, RESULT, RUN, RockingBy,
+    TEXT_LIMIT,
 };
 use crate::session::{Held, LOCK, hold, read_inside, write_whole};
 use grainrig_core::contact::{ContactError, LAWS, Law, Loading, Material, Plates, SETTLED};
@@ -99,6 +100,10 @@ pub struct CompressRequest {
     /// elements, where the plates' speed counts.
     #[arg(long, value_enum, value_name = "BY", default_value_t)]
     pub rocking: RockingBy,
+    /// What becomes of the part of a session's grain that the pedestal hid: it is closed as the surface around it goes on, or stays
+    /// the flat that it was cut to.
+    #[arg(long, value_enum, value_name = "BY", default_value_t)]
+    pub foot: FootBy,
     /// Multiple of the usual speed of the plates.
     #[arg(long, value_name = "FACTOR", default_value_t = Self::default().speed, allow_negative_numbers = true)]
     pub speed: f64,
@@ -151,6 +156,7 @@ impl Default for CompressRequest {
             rotate_deg: None,
             rest: None,
             rocking: RockingBy::default(),
+            foot: FootBy::default(),
             speed: 1.0,
             mass_scaling: loading.mass_scaling,
             time_step_s: None,
@@ -258,6 +264,7 @@ impl CompressRequest {
             sphere_radius_mm: None,
             placed_deg: [0.0; 3],
             rocking: None,
+            foot: None,
             transition_n: self.transition_n,
             goes_on_from_n: self.to_force_n.filter(|&asked_n| past(asked_n)),
             as_given: self.as_given,
@@ -273,6 +280,7 @@ impl CompressRequest {
             rotate_deg: self.rotate_deg.as_deref().and_then(|angles| angles.try_into().ok()),
             rest: self.rest,
             rocking: self.rocking,
+            foot: self.foot,
         }
     }
 }

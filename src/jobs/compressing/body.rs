@@ -2,7 +2,7 @@
 
 use super::JobError;
 use crate::session::sha256_hex;
-use grainrig_core::contact::{ContactError, Rests, Rocking, rocking};
+use grainrig_core::contact::{ContactError, Contacts, Foot, Rests, Rocking, rocking};
 use grainrig_core::geometry::{Aabb, Ball, ConvexHull, ImplicitBody, Point, TriangleMesh, Vector};
 use grainrig_core::mesh::{Controls, Solid, TetMesh, mesh};
 use grainrig_core::plausible::{self, Doubt, share_of};
@@ -23,8 +23,15 @@ const RESTING: &str = "laying the grain on the lower plate";
 pub enum CompressInput {
     /// A sphere of this diameter, mm.
     Sphere(f64),
-    /// A closed surface in mm, with its name.
-    Surface(TriangleMesh, String),
+    /// A closed surface in mm.
+    Surface {
+        /// The surface.
+        surface: TriangleMesh,
+        /// Its name.
+        name: String,
+        /// The height up to which no view shows it, mm; none where all of it is known.
+        hidden_mm: Option<f64>,
+    },
     /// Tetrahedra in mm, with their name.
     Mesh(TetMesh, String),
 }
@@ -33,7 +40,7 @@ impl CompressInput {
     pub(in crate::jobs) fn name(&self) -> String {
         match self {
             Self::Sphere(d) => format!("sphere of {d} mm"),
-            Self::Surface(_, name) | Self::Mesh(_, name) => name.clone(),
+            Self::Surface { name, .. } | Self::Mesh(_, name) => name.clone(),
         }
     }
 
@@ -41,7 +48,7 @@ impl CompressInput {
     pub(super) fn sha256(&self) -> String {
         match self {
             Self::Sphere(d) => sha256_hex(&d.to_le_bytes()),
-            Self::Surface(surface, _) => {
+            Self::Surface { surface, .. } => {
                 let mut bytes = place_bytes(&surface.vertices);
                 bytes.extend(surface.triangles.iter().flatten().flat_map(|n| n.to_le_bytes()));
                 sha256_hex(&bytes)
@@ -67,6 +74,81 @@ pub struct Placing {
     /// How it is followed while the plates turn it.
     #[serde(default)]
     pub rocking: RockingBy,
+    /// What becomes of the part that the pedestal hid.
+    #[serde(default)]
+    pub foot: FootBy,
+}
+
+/// What becomes of the part of a grain that its pedestal hid.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum FootBy {
+    /// It is closed as the surface around it goes on.
+    #[default]
+    Closed,
+    /// It stays the flat that it was cut to.
+    Flat,
+}
+
+/// The part of a grain that its pedestal hid, and what of it touches a plate.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct FootResult {
+    /// The height up to which no view shows the surface, mm.
+    pub height_mm: f64,
+    /// The area of the surface up to there, as it was carved, mm².
+    pub area_mm2: f64,
+    /// How far below the lowest place of the carved surface the closed one is, mm; none where it was left flat.
+    pub depth_mm: Option<f64>,
+    /// The share of the lower plate's contacts that are on it where the plates hold the grain, 0 to 1.
+    pub lower_share: f64,
+    /// The same of the upper plate's.
+    pub upper_share: f64,
+}
+
+impl FootResult {
+    /// What a person should know where a plate touches what no view showed.
+    pub fn warning(&self) -> Option<String> {
+        let plate = match (self.lower_share > 0.0, self.upper_share > 0.0) {
+            (false, false) => return None,
+            (true, false) => "the lower plate touches",
+            (false, true) => "the upper plate touches",
+            (true, true) => "both plates touch",
+        };
+        let is = match self.depth_mm {
+            Some(depth) => format!(
+                "closed as the surface around goes on, {:.1} µm deep, which is known to a factor of two",
+                1e3 * depth
+            ),
+            None => "a flat that the grain need not have".to_owned(),
+        };
+        Some(format!(
+            "{plate} the grain where it stood on its pedestal, which no view shows: there it is {is}; a second session of the grain,              laid otherwise, shows it (`grainrig merge`)"
+        ))
+    }
+}
+
+/// A surface as it is pressed: with its foot closed, where it has one and that was asked for; and the foot.
+pub(in crate::jobs) fn footed(
+    surface: &TriangleMesh,
+    hidden_mm: Option<f64>,
+    by: FootBy,
+) -> (TriangleMesh, Option<Foot>) {
+    let foot = hidden_mm.and_then(|mm| Foot::of(surface, mm));
+    let share = if by == FootBy::Closed { 1.0 } else { 0.0 };
+    (foot.as_ref().map_or_else(|| surface.clone(), |f| f.closed(surface, share)), foot)
+}
+
+/// The shares of the lower and of the upper contacts that are in a foot, for a grain that lies with its centre at the origin.
+pub(in crate::jobs) fn on_foot(
+    foot: &Foot,
+    contacts: &Contacts,
+    pose: &Rotation3<f64>,
+    center: &Point,
+) -> [f64; 2] {
+    [&contacts.lower, &contacts.upper].map(|places| {
+        let count = places.iter().filter(|p| foot.holds(&(pose.inverse() * **p + center.coords))).count();
+        count as f64 / places.len().max(1) as f64
+    })
 }
 
 /// How a grain is followed while the plates turn it, before they hold it.
@@ -113,6 +195,8 @@ pub(super) struct Placed {
     pub turned_deg: [f64; 3],
     /// How the plates turned it from there; none of a body that was not followed so.
     pub rocking: Option<RockingResult>,
+    /// What the pedestal hid of it.
+    pub foot: Option<FootResult>,
 }
 
 /// What of a body's length, and of figures that have to do with it, no laboratory has.
@@ -124,7 +208,7 @@ pub(in crate::jobs) fn doubts(
     let longest = |points: &[Point]| Aabb::of(points.iter().copied()).map_or(0.0, |b| b.size().max());
     let (body, long_mm) = match input {
         CompressInput::Sphere(d) => (plausible::SPHERE, *d),
-        CompressInput::Surface(surface, _) => (plausible::GRAIN, longest(&surface.vertices)),
+        CompressInput::Surface { surface, .. } => (plausible::GRAIN, longest(&surface.vertices)),
         CompressInput::Mesh(mesh, _) => (plausible::GRAIN, longest(&mesh.nodes)),
     };
     let shares = [
@@ -159,19 +243,22 @@ pub(super) fn placed(
                 sphere_radius_mm: Some(radius),
                 turned_deg: [0.0; 3],
                 rocking: None,
+                foot: None,
             })
         }
-        CompressInput::Surface(surface, _) => {
+        CompressInput::Surface { surface, hidden_mm, .. } => {
             told(RESTING, 0.0);
-            let laid = Laid::new(&surface.vertices, &surface_center(surface), placing, friction)?;
+            let (surface, foot) = footed(surface, *hidden_mm, placing.foot);
+            let laid = Laid::new(&surface.vertices, &surface_center(&surface), placing, friction)?;
+            let foot = foot.map(|foot| laid.foot(&foot, placing.foot));
             let vertices = surface.vertices.iter().map(|p| laid.held(p)).collect();
-            let turned = TriangleMesh { vertices, triangles: surface.triangles.clone() };
+            let turned = TriangleMesh { vertices, triangles: surface.triangles };
             let diameter_mm = (6.0 * turned.volume_mm3().abs() / std::f64::consts::PI).cbrt();
             // The plates begin where the surface is. A mesh has no node on its summits and ends lower: by a few tenths of a
             // micrometre, other ones at each size of the elements, and a stiff grain has its first newtons in such a way.
             let ends = reach(&turned.vertices);
             let solid = Solid::new(turned).map_err(JobError::Mesh)?;
-            Ok(laid.between(meshed(&solid, diameter_mm, placing, told)?, ends))
+            Ok(Placed { foot, ..laid.between(meshed(&solid, diameter_mm, placing, told)?, ends) })
         }
         CompressInput::Mesh(given, _) => {
             told(RESTING, 0.0);
@@ -231,6 +318,8 @@ struct Laid {
     center: Point,
     pose: Rotation3<f64>,
     rocking: Option<Rocking>,
+    /// Where the plates touch it then.
+    held: Contacts,
 }
 
 impl Laid {
@@ -251,14 +340,29 @@ impl Laid {
             rest.ok_or(ContactError::NoRest { asked, count })?.turn
         };
         let hull = hull.about(center);
-        let rocking = (placing.rocking == RockingBy::Rigid).then(|| rocking(&hull, &laid, friction));
-        Ok(Self { center: *center, pose: laid, rocking })
+        let mut turned = rocking(&hull, &laid, friction);
+        let by_elements = placing.rocking == RockingBy::Elements;
+        let held = std::mem::take(if by_elements { &mut turned.first } else { &mut turned.held });
+        Ok(Self { center: *center, pose: laid, rocking: (!by_elements).then_some(turned), held })
     }
 
     /// Where a point of the body is when the plates hold it.
     fn held(&self, p: &Point) -> Point {
         let laid = self.pose * (p - self.center);
         Point::from(self.rocking.as_ref().map_or(laid, |r| r.turned * laid))
+    }
+
+    /// What of a foot the plates touch.
+    fn foot(&self, foot: &Foot, by: FootBy) -> FootResult {
+        let pose = self.rocking.as_ref().map_or(self.pose, |r| r.turned * self.pose);
+        let [lower_share, upper_share] = on_foot(foot, &self.held, &pose, &self.center);
+        FootResult {
+            height_mm: foot.height_mm,
+            area_mm2: foot.area_mm2,
+            depth_mm: foot.depth_mm.filter(|_| by == FootBy::Closed),
+            lower_share,
+            upper_share,
+        }
     }
 
     /// A mesh of the body as it is held, between plates at the lowest and the highest place of the body.
@@ -271,6 +375,7 @@ impl Laid {
             sphere_radius_mm: None,
             turned_deg: [x, y, z].map(f64::to_degrees),
             rocking: self.rocking.as_ref().map(RockingResult::from),
+            foot: None,
         }
     }
 }

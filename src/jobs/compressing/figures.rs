@@ -1,6 +1,6 @@
 //! What a compression is made of and what comes out of it, as files and callers have it.
 
-use super::RockingResult;
+use super::{FootResult, RockingResult};
 use grainrig_core::contact::experiment::Reading;
 use grainrig_core::contact::{
     Agreement, Contact, CurvePoint, Energy, HertzFit, Loading, Material, QuasiStatic, Sample, Transition,
@@ -31,6 +31,9 @@ pub struct CompressSettings {
     /// How the plates turned it from there as a rigid body, before the finite elements begin.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rocking: Option<RockingResult>,
+    /// What its pedestal hid of it, and what of that touches a plate; none of a body all of which is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub foot: Option<FootResult>,
     /// The force at which `δ_i` is read, N.
     pub transition_n: f64,
     /// The force asked for, N, where the run goes on past it, to four times `transition_n`, so that `δ_i` is known to be the last

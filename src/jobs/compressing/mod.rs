@@ -20,8 +20,8 @@ mod reporter;
 mod tests;
 
 pub use asked::{Claim, CompressMaterial, CompressRequest};
-pub use body::{CompressInput, Placing, RockingBy, RockingResult};
-pub(in crate::jobs) use body::{doubts, hull_of, surface_center};
+pub use body::{CompressInput, FootBy, FootResult, Placing, RockingBy, RockingResult};
+pub(in crate::jobs) use body::{doubts, footed, hull_of, on_foot, surface_center};
 pub use catalogue::{CompressDetails, CompressFile, CompressLine, CompressState};
 pub use figures::{
     CompressProgress, CompressResult, CompressSettings, EnergyResult, ExperimentResult, OtherCurve,
@@ -115,6 +115,7 @@ impl Compression {
         settings.sphere_radius_mm = placed.sphere_radius_mm;
         settings.placed_deg = placed.turned_deg;
         settings.rocking = placed.rocking;
+        settings.foot = placed.foot;
         told("finding the time step", 0.0);
         let press = press(&placed.mesh, &settings)?;
         let text = to_json(&settings).map_err(|e| JobError::Encode(e.to_string()))?;
@@ -255,6 +256,7 @@ impl Compression {
         let over_two_plate_form = over_two_plate_form.filter(|x| x.is_finite());
         let energy = samples.last().map(|s| s.energy).unwrap_or_default();
         let mut warnings = settings.taken_as_given.clone();
+        warnings.extend(settings.foot.and_then(|f| f.warning()));
         warnings.extend(transition.and_then(|t| t.warning()));
         warnings.extend(quasi.and_then(|q| q.warning()));
         if quasi.is_some() && energy.balance_error().abs() > 0.01 {

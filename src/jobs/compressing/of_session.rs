@@ -49,5 +49,7 @@ pub(super) fn grain(recording: &Recording) -> Result<CompressInput, JobError> {
     let record = record.ok_or_else(|| JobError::Unfinished { session: session.clone() })?;
     let bytes = recording.product(&record.file)?;
     let surface = stl::read(&bytes)?;
-    Ok(CompressInput::Surface(surface, format!("session {session}")))
+    // What of it the pedestal hid; views without a pedestal hid nothing.
+    let hidden_mm = recording.result().and_then(|r| r.pointer("/hull/contact_patch/height_mm")?.as_f64());
+    Ok(CompressInput::Surface { surface, name: format!("session {session}"), hidden_mm })
 }

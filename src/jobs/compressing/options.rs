@@ -190,7 +190,8 @@ impl CompressOptions {
                 if was_inwards {
                     told(&format!("{name}: {TURNED}"), 0.0);
                 }
-                return Ok(CompressInput::Surface(solid.surface().clone(), name));
+                let surface = solid.surface().clone();
+                return Ok(CompressInput::Surface { surface, name, hidden_mm: None });
             }
             _ => {
                 return Err(JobError::Usage(format!(
