@@ -166,7 +166,9 @@ impl RestsOptions {
             let rocked = rocking(rests.hull(), &rest.turn, friction);
             let touches_foot = foot.as_ref().is_some_and(|foot| {
                 let touched = [(&rocked.first, rest.turn), (&rocked.held, rocked.turned * rest.turn)];
-                touched.iter().any(|(at, pose)| on_foot(foot, at, pose, &center) != [0.0; 2])
+                touched
+                    .iter()
+                    .any(|(at, pose)| on_foot(foot, at, pose, &center).iter().any(|share| *share > 0.0))
             });
             let line = RestLine::new(k + 1, rest, &rocked, touches_foot);
             if poses.len() < DRAWN {

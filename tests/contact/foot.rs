@@ -1,6 +1,7 @@
 //! The part that a pedestal hides, on real grains: each is sunk into a pedestal, cut flat at its top and closed again.
 
 use crate::skip::shared_data;
+use crate::sphere::long;
 use grainrig_core::contact::{Foot, Rests};
 use grainrig_core::formats::stl;
 use grainrig_core::geometry::{ConvexHull, Point, TriangleMesh, Vector};
@@ -40,7 +41,7 @@ fn a_grain_whose_foot_is_closed_comes_to_rest_as_the_whole_one_does() {
     let (mut depths, mut off_flat, mut off_closed) = (Vec::new(), Vec::new(), Vec::new());
     for name in names {
         let grain = stl::read(&std::fs::read(folder.join(format!("{name}.stl"))).unwrap()).unwrap();
-        for k in 0..6 {
+        for k in 0..if long() { 6 } else { 4 } {
             let k = f64::from(k);
             let whole = standing(&grain, &Rotation3::from_euler_angles(1.3 * k, 0.7 * k, 2.1 * k));
             let mut cut = whole.clone();
@@ -54,11 +55,14 @@ fn a_grain_whose_foot_is_closed_comes_to_rest_as_the_whole_one_does() {
     }
     let count = depths.len();
     let closed: Vec<f64> = depths.into_iter().flatten().collect();
-    let within = |all: &[f64], range: std::ops::Range<f64>| all.iter().filter(|x| range.contains(x)).count();
     let said = format!("depths {closed:.2?}\nflat {off_flat:.1?}\nclosed {off_closed:.1?}");
     println!("{said}");
     assert!(closed.len() * 10 >= count * 9, "{said}");
-    assert!(within(&closed, 0.5..2.0) * 10 >= closed.len() * 7, "{said}");
-    let near = [&off_flat, &off_closed].map(|off| within(off, 0.0..3.0));
-    assert!(near[1] * 10 >= count * 8 && near[1] > near[0], "{near:?} of {count}: {said}");
+    // How it goes on is a guess, about as often too deep as not deep enough.
+    let within = |range: std::ops::Range<f64>| closed.iter().filter(|x| range.contains(x)).count();
+    assert!(within(0.5..2.0) * 10 >= closed.len() * 6, "{said}");
+    assert!(within(0.0..1.0).abs_diff(within(1.0..f64::INFINITY)) * 3 < closed.len(), "{said}");
+    // Left flat, some come to rest on another side; closed, none does.
+    let worst = |off: &[f64]| off.iter().copied().fold(0.0, f64::max);
+    assert!(worst(&off_flat) > 10.0 && worst(&off_closed) < 10.0, "{said}");
 }

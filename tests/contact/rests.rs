@@ -1,7 +1,10 @@
 //! How grains come to lie and how plates turn them, by the real program.
 
+use crate::skip::shared_data;
+use grainrig_core::contact::{Rests, rest};
 use grainrig_core::formats::stl;
-use grainrig_core::geometry::{Point, TriangleMesh};
+use grainrig_core::geometry::{ConvexHull, Point, TriangleMesh, Vector};
+use nalgebra::Rotation3;
 use serde_json::Value;
 use std::process::{Command, Output};
 use tempfile::TempDir;
@@ -172,4 +175,46 @@ fn what_is_printed_can_be_given_back() {
     let held = json(&folder, &[&["compress", "block.stl"][..], &leaning].concat());
     let by = &held["settings"]["rocking"];
     assert!(by["held_by_friction"] == true && by["approach_mm"].as_f64() == Some(0.0), "{by}");
+}
+
+/// The chances are those of letting the grain down, with every corner of its hull looked at in every turn.
+#[test]
+fn real_grains_come_to_rest_as_when_they_are_let_down() {
+    let Some(folder) = shared_data("grains") else { return };
+    let count = 120;
+    for name in [
+        "ct_cement140_02210",
+        "ct_ma160_00357",
+        "ct_ma160_00593",
+        "ct_ma160_02444",
+        "gravel_az_00002",
+        "lsdem_sand",
+        "sand_ma107_00002",
+        "sand_ma107_00107",
+    ] {
+        let grain = stl::read(&std::fs::read(folder.join(format!("{name}.stl"))).unwrap()).unwrap();
+        let hull = ConvexHull::new(&grain.vertices).unwrap();
+        let middle = grain.vertices.iter().map(|p| p.coords).sum::<Vector>() / grain.vertices.len() as f64;
+        let rests = Rests::new(hull, &Point::from(middle), None);
+        let corners = &rests.hull().vertices;
+        let mut reached = vec![0.0; rests.rests.len()];
+        let mut elsewhere = 0;
+        for k in 0..count {
+            let z = 1.0 - (2.0 * f64::from(k) + 1.0) / f64::from(count);
+            let (s, c) = (2.4 * f64::from(k)).sin_cos();
+            let down = Vector::new(c * (1.0 - z * z).sqrt(), s * (1.0 - z * z).sqrt(), z);
+            let lay = Rotation3::rotation_between(&down, &-Vector::z()).unwrap();
+            let laid: Vec<Point> = corners.iter().map(|p| lay * p).collect();
+            let lies = (rest::rotation(&laid, &Point::origin()) * lay).inverse() * -Vector::z();
+            // What is too shallow to be a rest counts for the one that it is left for.
+            let came_to = rests.reached_from(&lies);
+            reached[came_to] += 1.0 / f64::from(count);
+            elsewhere += usize::from(came_to != rests.reached_from(&down));
+        }
+        println!("{name}: {} rests, {elsewhere} of {count} elsewhere", reached.len());
+        assert!(elsewhere * 50 <= count as usize, "{name}: {elsewhere} of {count} came to another rest");
+        for (r, share) in rests.rests.iter().zip(reached) {
+            assert!((r.chance - share).abs() < 0.05, "{name}: {share} of the drops, {r:?}");
+        }
+    }
 }

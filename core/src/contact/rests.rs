@@ -83,7 +83,7 @@ impl Rests {
     /// The rest that the grain comes to when it is let down with this direction below.
     pub fn reached_from(&self, down: &Vector) -> usize {
         let down = down.normalize();
-        let start = Place::Corner(self.hull.farthest(&down), down);
+        let start = Place::Corner(self.hull.farthest(&down, 0), down);
         self.of_facet[self.lands_on(start)]
     }
 
@@ -299,9 +299,10 @@ impl Rests {
     /// Counts the chances, and puts the rests in their order.
     fn count(&mut self) {
         let mut counts = vec![0usize; self.rests.len()];
+        let mut corner = 0;
         for k in 0..DIRECTIONS {
             let down = direction(k, DIRECTIONS);
-            let corner = self.hull.farthest(&down);
+            corner = self.hull.farthest(&down, corner);
             counts[self.of_facet[self.lands_on(Place::Corner(corner, down))]] += 1;
         }
         for (rest, n) in self.rests.iter_mut().zip(&counts) {
@@ -475,7 +476,10 @@ mod tests {
         for (a, b) in plain.rests.iter().zip(&all_over.rests) {
             assert!((a.chance - b.chance).abs() < 1e-3 && (a.down - b.down).norm() < 1e-9, "{a:?}, {b:?}");
             assert!((a.center_mm - b.center_mm).abs() < 1e-9, "{a:?}, {b:?}");
-            assert!(a.lift_mm == b.lift_mm || (a.lift_mm - b.lift_mm).abs() < 1e-9, "{a:?}, {b:?}");
+            assert!(
+                a.lift_mm > 1e9 && b.lift_mm > 1e9 || (a.lift_mm - b.lift_mm).abs() < 1e-9,
+                "{a:?}, {b:?}"
+            );
         }
         for k in 0..60 {
             let k = f64::from(k);

@@ -84,11 +84,11 @@ impl Touching {
 
 /// Lets level plates close on a grain that lies as it is turned here, until they hold it.
 ///
-/// `friction` is Coulomb's of both plates. Cost: the hull's corners, for each event.
+/// `friction` is Coulomb's of both plates. Cost: that of the corners around the contacts, for each event.
 pub fn rocking(hull: &ConvexHull, laid: &Rotation3<f64>, friction: f64) -> Rocking {
     let size = hull.vertices.iter().map(|p| (p - hull.vertices[0]).norm()).fold(0.0, f64::max);
     let mut turned = Rotation3::identity();
-    let mut touching = touching(hull, laid, size);
+    let mut touching = touching(hull, laid, size, [0; 2]);
     let from_mm = touching.width;
     let first = touching.contacts(hull, laid);
     let first_slope = touching.gap.norm() / touching.width;
@@ -113,16 +113,17 @@ pub fn rocking(hull: &ConvexHull, laid: &Rotation3<f64>, friction: f64) -> Rocki
         turned = turn * turned;
         // Rounding of thousands of turns stays where it is that of one.
         turned.renormalize();
-        touching = self::touching(hull, &(turned * laid), size);
+        let near = [touching.lower[0], touching.upper[0]];
+        touching = self::touching(hull, &(turned * laid), size, near);
         events += 1;
     }
 }
 
-/// What touches the plates when the grain lies like this.
-fn touching(hull: &ConvexHull, pose: &Rotation3<f64>, size: f64) -> Touching {
+/// What touches the plates when the grain lies like this; looked for from a lower and an upper corner.
+fn touching(hull: &ConvexHull, pose: &Rotation3<f64>, size: f64, [below, above]: [u32; 2]) -> Touching {
     let normal = pose.inverse() * Vector::z();
-    let lower = level_with(hull, &-normal, hull.farthest(&-normal), size);
-    let upper = level_with(hull, &normal, hull.farthest(&normal), size);
+    let lower = level_with(hull, &-normal, hull.farthest(&-normal, below), size);
+    let upper = level_with(hull, &normal, hull.farthest(&normal, above), size);
     let at = |v: u32| pose * hull.vertices[v as usize].coords;
     let width = at(upper[0]).z - at(lower[0]).z;
     let differences: Vec<Vector> = (upper.iter())
