@@ -266,7 +266,10 @@ fn foot_warning(foot: &Foot, depth_mm: Option<f64>, lines: &[RestLine]) -> Optio
     let count = lines.iter().filter(|l| l.on_foot).count();
     let is = match depth_mm {
         Some(mm) => {
-            format!("closed as the surface around goes on, {:.1} µm deep, known to a factor of two", 1e3 * mm)
+            format!(
+                "closed as the surface around goes on, {:.1} µm deep, known to about a factor of two",
+                1e3 * mm
+            )
         }
         None => "left the flat that it was cut to".to_owned(),
     };

@@ -143,8 +143,11 @@ fn what_the_pedestal_hid_is_closed_and_told() {
     assert_eq!(code, Some(0), "{err}");
     let deck = std::fs::read_to_string(lab.data().join("quartz/products/grain.inp")).unwrap();
     assert!(deck.contains("*NSET, NSET=FOOT\n"));
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path().join("rests");
     let [closed, flat] = ["closed", "flat"].map(|by| {
-        let (code, out, err) = lab.run(&["rests", "quartz", "--json", "--foot", by]);
+        let (code, out, err) =
+            lab.run(&["rests", "quartz", "--json", "--foot", by, "--out", place.to_str().unwrap()]);
         assert_eq!(code, Some(0), "{err}");
         serde_json::from_str::<Value>(&out).unwrap()
     });

@@ -9,8 +9,8 @@
 //! z(x, y) = a + b x + c y + Σ wₖ r² ln r,   r = |(x, y) − (xₖ, yₖ)|        (Duchon 1977)
 //! ```
 //!
-//! of the heights of the vertices beside it, as wide a belt as the flat's radius. Against the truth of simulated captures of
-//! smooth sand its depth is right to a tenth, of crushed and ground grains to a factor of two.
+//! of the heights of the vertices beside it, as wide a belt as the flat's radius. The depth is that of an
+//! ellipsoid to a tenth; of real grains that were sunk and cut, two in three are within a factor of two (`tests/contact/foot.rs`).
 
 use crate::geometry::{Point, TriangleMesh, Vector};
 use nalgebra::{DMatrix, DVector};

@@ -116,13 +116,14 @@ impl FootResult {
         };
         let is = match self.depth_mm {
             Some(depth) => format!(
-                "closed as the surface around goes on, {:.1} µm deep, which is known to a factor of two",
+                "closed as the surface around goes on, {:.1} µm deep, which is known to about a factor of two",
                 1e3 * depth
             ),
             None => "a flat that the grain need not have".to_owned(),
         };
         Some(format!(
-            "{plate} the grain where it stood on its pedestal, which no view shows: there it is {is}; a second session of the grain,              laid otherwise, shows it (`grainrig merge`)"
+            "{plate} the grain where it stood on its pedestal, which no view shows: there it is {is}; a second session of the grain, \
+             laid otherwise, shows it (`grainrig merge`)"
         ))
     }
 }
