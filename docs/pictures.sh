@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Makes the pictures of the book anew, in docs/src/pictures. It takes some minutes and a browser (`make tools` has one).
+# Makes the pictures of the book anew, in docs/src/pictures. It takes half an hour and a browser (`make tools` has one).
 #
 #   docs/pictures.sh [PROGRAM]          PROGRAM is target/release/grainrig unless told
 set -euo pipefail
@@ -15,6 +15,7 @@ cd "$work"
 # The simulated rig's own grain, as `make demo` has it.
 "$GRAINRIG" capture demo
 "$GRAINRIG" compress demo
+"$GRAINRIG" compress demo --ensemble 1000
 "$GRAINRIG" rests demo --least-lift-mm 0.001
 "$GRAINRIG" study sensitivity
 products=data/demo/products
@@ -24,6 +25,7 @@ cp $products/convergence.png "$out/convergence.png"
 cp data/demo/compressions/elastic/curve.png "$out/curve.png"
 cp data/demo/compressions/elastic/stage_08.png "$out/stresses.png"
 cp demo-rests/rests.png "$out/rests.png"
+cp demo-ensemble/ensemble.png "$out/ensemble.png"
 cp study-sensitivity/curves.png "$out/sensitivity.png"
 node "$OLDPWD/docs/pictures.mjs" data $products/grain.inp "$out"
 

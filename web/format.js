@@ -157,6 +157,7 @@ const JOBS = /** @type {Record<string, (of: any) => string>} */ ({
   import: ({ session }) => `Import of ${session}`,
   mesh: ({ session }) => `Mesh of ${session}`,
   calibrate_scale: ({ session }) => `Size of a pixel from ${session}`,
+  ensemble: ({ session }) => `Ensemble of ${session}`,
   study: ({ session }) => `Study ${session}`,
   rests: ({ session }) => `Rests of ${session}`,
 });

@@ -22,7 +22,7 @@
  * A computation beside the rig.
  * @typedef {object} Job
  * @property {number} job
- * @property {"reconstruct"|"replay"|"verify"|"merge"|"compress"|"import"|"mesh"|"calibrate_scale"|"study"|"rests"} kind
+ * @property {"reconstruct"|"replay"|"verify"|"merge"|"compress"|"import"|"mesh"|"calibrate_scale"|"study"|"rests"|"ensemble"} kind
  * @property {string} session Or the file or folder that it is about.
  * @property {string} [name] Of a session's compression.
  * @property {"waiting"|"running"|"complete"|"cancelled"|"interrupted"|"failed"} state

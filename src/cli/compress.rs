@@ -5,14 +5,57 @@ use super::output::{print, print_json, say};
 use super::progress::{Progress, percent};
 use super::signals::stop_flag;
 use crate::jobs::{
-    CompressOptions, CompressProgress, CompressResult, Context, experiment_lines, rocking_line,
-    transition_line,
+    CompressOptions, CompressProgress, CompressResult, Context, EnsembleOptions, EnsembleSpread,
+    ensemble_lines, experiment_lines, rocking_line, transition_line,
 };
+use crate::session::to_json_value;
 use anyhow::Result;
+use clap::Args;
 use grainrig_core::contact::CurvePoint;
 use std::path::Path;
 
-pub(super) fn run(common: &Common, options: &CompressOptions) -> Result<()> {
+/// Options of `compress`.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    grain: CompressOptions,
+    #[command(flatten)]
+    spread: EnsembleSpread,
+}
+
+pub(super) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
+    if arguments.spread.draws.is_some() {
+        let (grain, spread) = (arguments.grain.clone(), arguments.spread.clone());
+        return ensemble(common, &EnsembleOptions { grain, spread });
+    }
+    one(common, &arguments.grain)
+}
+
+fn ensemble(common: &Common, options: &EnsembleOptions) -> Result<()> {
+    let stop = stop_flag("stopping; the same command again goes on with the cases that are missing");
+    let progress = Progress::new();
+    let context = Context { stop, ..common.context(&progress) };
+    let outcome = options.run(&context);
+    progress.finish();
+    let result = outcome?;
+    for w in &result.warnings {
+        say(format!("warning: {w}"));
+    }
+    if common.json {
+        return print_json(&to_json_value(&result)?);
+    }
+    let mut lines = vec![format!("grain      {}", result.drawing.source)];
+    match &result.figures {
+        Some(figures) => lines.extend(ensemble_lines(&result.drawing, figures)),
+        None => {
+            lines.push("interrupted: the same command again goes on with the cases that are missing".into());
+        }
+    }
+    lines.extend(result.files);
+    print(&(lines.join("\n") + "\n"))
+}
+
+fn one(common: &Common, options: &CompressOptions) -> Result<()> {
     let stop =
         stop_flag("stopping; the same command again, or `grainrig compress --resume`, goes on from there");
     let context = Context { stop, ..common.context(&Progress::new()) };

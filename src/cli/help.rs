@@ -124,6 +124,8 @@ Examples:
   grainrig compress --sphere-diameter-mm 0.815 --to-approach-mm 0.06 --friction 0
   grainrig compress quartz-07 --experiment test.csv --compliance-um-per-n 0.12
   grainrig compress --resume data/quartz-07/compressions/elastic
+  grainrig compress quartz-07 --ensemble 1000             δ_i as an interval: the grain in all its rests, laid askew by 2°
+  grainrig compress quartz-07 --ensemble 1000 --rest 2 --placing-deg 1 --young-span-mpa 90000 110000
 
 The grain lies in the rest that it comes to from how it was photographed (`grainrig rests` shows all; --rest); the plates turn it
 until they hold it, and it deforms from there. The approach counts from where they first touch it (for a sphere from its
@@ -132,12 +134,18 @@ them; those of a file in NAME-compressed, or in --out. There are curve.csv, curv
 eight stages (stages.pvd for ParaView) and a picture of a cut at each, and the same model as decks for Abaqus/Explicit
 and CalculiX. Ctrl-C writes what there is; after that, or a power failure, the same command again (or --resume DIR)
 goes on with the same bits; at most 20 s of computing are lost.
+
+One pose is one draw of many: --ensemble N tells how far δ_i spreads. The plates' turning of the grain is followed in N ways, what then
+deforms is computed in --cases of them (an hour of one core for 24; they go a core each) and foretold for the others by how far the plates
+sink into their shapes. The folder NAME-ensemble, or --out, gets ensemble.png and .svg, draws.csv, cases.csv and result.json. The
+same command again goes on with the cases that are missing.
 Units: mm, N, MPa, t.";
 
 pub(super) const RESTS: &str = "\
 Examples:
   grainrig rests quartz-07                                a session's grain, between plates of friction 0.2
   grainrig rests grain.stl --unit um --friction 0 --json
+  grainrig rests quartz-07 --ensemble 1000                and laid askew by 2°, at frictions up to 0.2: an interval
   grainrig compress quartz-07 --rest 2                    press it as it lies in the second of them
 
 A rest is a way to lie on a level plate that it takes some lift of the grain's centre to leave (--least-lift-mm; else a surface

@@ -30,8 +30,8 @@ mod verify;
 
 use crate::config::{Config, Found, Place, usual_places};
 use crate::jobs::{
-    CaptureOptions, CompressOptions, Context, ErrorKind, ImportOptions, MergeOptions, MeshOptions, Names,
-    ReconstructOptions, ReplayOptions, RestsOptions, ResumeOptions, VerifyOptions,
+    CaptureOptions, Context, ErrorKind, ImportOptions, MergeOptions, MeshOptions, Names, ReconstructOptions,
+    ReplayOptions, RestsOptions, ResumeOptions, VerifyOptions,
 };
 use crate::session::Store;
 use anyhow::Result;
@@ -206,7 +206,7 @@ enum Command {
     Merge(MergeOptions),
     /// Press a grain between two rigid plates: force against displacement, by explicit dynamics.
     #[command(after_help = help::COMPRESS)]
-    Compress(CompressOptions),
+    Compress(compress::Arguments),
     /// Show how a grain can come to lie, how likely each way is, and how far closing plates turn it before they hold it.
     #[command(after_help = help::RESTS)]
     Rests(RestsOptions),

@@ -3,7 +3,7 @@
 use super::Common;
 use super::output::{print, print_json, say};
 use super::progress::Progress;
-use crate::jobs::RestsOptions;
+use crate::jobs::{Askew, RestsOptions};
 use crate::session::to_json_value;
 use anyhow::Result;
 use std::fmt::Write as _;
@@ -56,6 +56,42 @@ pub(super) fn run(common: &Common, options: &RestsOptions) -> Result<()> {
             1e3 * r.rocking_mm,
             r.rocking_deg
         );
+    }
+    if let Some(e) = &found.ensemble {
+        let mut depths = e.foot_depths_mm.clone();
+        depths.sort_by(f64::total_cmp);
+        let foot = match &depths[..] {
+            [least, .., most] => {
+                format!(", the hidden foot closed {:.1} to {:.1} µm deep", 1e3 * least, 1e3 * most)
+            }
+            _ => String::new(),
+        };
+        let _ = writeln!(
+            text,
+            "Laid askew by {}° (standard deviation, about each level axis), {} times in each rest, frictions of {} to {}{foot}:\n\
+             {:>4} {:>8} {:>27} {:>13}",
+            e.placing_deg,
+            e.draws,
+            e.friction[0],
+            e.friction[1],
+            "rest",
+            "chance",
+            "rocking µm: 5 % … 50 % … 95 %",
+            "plates turn"
+        );
+        let row = |name: &str, chance: f64, i: &Askew| {
+            let [low, middle, high] =
+                [i.rocking_mm.p05_mm, i.rocking_mm.median_mm, i.rocking_mm.p95_mm].map(|mm| 1e3 * mm);
+            let turned = 100.0 * i.rocks_share;
+            format!(
+                "{name:>4} {:>6.1} % {low:>9.2} … {middle:>6.2} … {high:>6.2} {turned:>11.0} %\n",
+                100.0 * chance
+            )
+        };
+        for r in &found.rests {
+            text.extend(r.askew.as_ref().map(|i| row(&r.rest.to_string(), r.chance, i)));
+        }
+        text += &row("all", 1.0, &e.askew);
     }
     for line in &found.files {
         let _ = writeln!(text, "{line}");

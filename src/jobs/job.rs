@@ -2,8 +2,9 @@
 
 use super::background::{Background, JobDescription, JobEnd, JobReporter};
 use super::{
-    CompressOptions, Context, ImportOptions, JobError, MergeOptions, MeshOptions, Meshed, ReconstructOptions,
-    ReplayOptions, RestsOptions, ScaleOptions, StudyOptions, VerifyOptions, Watcher, stated,
+    CompressOptions, Context, EnsembleOptions, ImportOptions, JobError, MergeOptions, MeshOptions, Meshed,
+    ReconstructOptions, ReplayOptions, RestsOptions, ScaleOptions, StudyOptions, VerifyOptions, Watcher,
+    stated,
 };
 use crate::session::event::{EventKind, JobKind};
 use crate::session::to_json_value;
@@ -33,6 +34,8 @@ pub enum Job {
     Mesh(MeshOptions),
     /// A file's body, a sphere or a session's grain is pressed between two plates.
     Compress(CompressOptions),
+    /// A session's grain or a file's surface is pressed in many ways, for an interval.
+    Ensemble(EnsembleOptions),
     /// The size of a pixel is measured.
     CalibrateScale(ScaleOptions),
     /// The volume against the number of views is studied.
@@ -53,11 +56,12 @@ impl Job {
             Self::Merge(o) => (JobKind::Merge, named(&o.session)),
             Self::Mesh(o) => (JobKind::Mesh, named(&o.input)),
             Self::Compress(o) => (JobKind::Compress, named(&o.subject())),
+            Self::Ensemble(o) => (JobKind::Ensemble, named(&o.grain.subject())),
             Self::CalibrateScale(o) => (JobKind::CalibrateScale, named(&o.folder)),
             Self::Study(o) => (JobKind::Study, named(&o.out)),
             Self::Rests(o) => (JobKind::Rests, named(&o.input)),
         };
-        let stop = matches!(self, Self::Compress(_)).then(|| Arc::clone(&context.stop));
+        let stop = matches!(self, Self::Compress(_) | Self::Ensemble(_)).then(|| Arc::clone(&context.stop));
         Ok(JobDescription { kind, session: subject, name: None, stop, called_off: None })
     }
 
@@ -74,6 +78,7 @@ impl Job {
             Self::Merge(o) => o.check(context),
             Self::Mesh(o) => o.check(context),
             Self::Compress(o) => o.check(context),
+            Self::Ensemble(o) => o.check(context),
             Self::CalibrateScale(o) => o.check(context),
             Self::Study(o) => o.check(context),
             Self::Rests(o) => o.check(context),
@@ -113,6 +118,7 @@ impl Job {
                 let (result, folder) = o.run(context, &mut told)?;
                 CompressOptions::to_json(&result, &folder)?
             }
+            Self::Ensemble(o) => to_json_value(&o.run(context)?)?,
             Self::CalibrateScale(o) => to_json_value(&o.run(context)?)?,
             Self::Study(o) => o.run(context)?.to_json()?,
             Self::Rests(o) => to_json_value(&o.run(context)?)?,

@@ -11,6 +11,7 @@ mod capturing;
 mod compressing;
 mod devices;
 mod doctor;
+mod ensemble;
 mod error;
 mod finish;
 mod focus;
@@ -42,6 +43,9 @@ pub use compressing::{
 };
 pub use devices::{DeviceLine, devices};
 pub use doctor::{Finding, Health, doctor};
+pub use ensemble::{
+    EnsembleFigures, EnsembleOptions, EnsembleResult, EnsembleSpread, Interval, ensemble_lines,
+};
 pub use error::JobError;
 pub use finish::{Finished, RESULT};
 pub use focus::{Focused, focus};
@@ -56,7 +60,7 @@ pub use names::Names;
 pub use preview::{Preview, PreviewPart, Previews};
 pub use reconstructing::{ReconstructOptions, VerifyOptions, reconstruct};
 pub use replaying::{ReplayOptions, Replayed, replay};
-pub use resting::{RestLine, RestsOptions, RestsResult};
+pub use resting::{Askew, AskewResult, RestLine, RestsOptions, RestsResult};
 pub use scale_file::{BodyKind, GivenScale, PictureScale, ScaleFile};
 pub use scaling::{Angles, ScaleOptions, ScaleRequest, calibrate_scale};
 pub use studying::{Studied, StudyOptions};

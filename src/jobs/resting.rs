@@ -1,13 +1,16 @@
 //! How a grain can come to lie, and how closing plates turn it.
 
 use super::compressing::{
-    CompressInput, CompressOptions, CompressRequest, FootBy, Placing, doubts, footed, hull_of, on_foot,
+    CompressInput, CompressOptions, CompressRequest, FootBy, Placing, doubts, hull_of, on_foot,
     surface_center,
 };
+use super::ensemble::{Interval, Variants, draws, placing_rad, usual_outline_mm};
 use super::mesh_files::Unit;
 use super::{Context, JobError};
 use crate::session::write_whole;
-use grainrig_core::contact::{ContactError, Foot, Plates, Rest, Rests, Rocking, rocking};
+use grainrig_core::contact::{
+    ContactError, Foot, Lying, Plates, Rest, Rests, Rocking, Spread, ensemble, rocking,
+};
 use grainrig_core::geometry::{Point, TriangleMesh, Vector};
 use grainrig_core::plausible::{self, FRICTION};
 use grainrig_core::report::{Pose, Poses};
@@ -19,7 +22,6 @@ use std::path::PathBuf;
 const FACETS: usize = 40;
 /// Rests that are drawn.
 const DRAWN: usize = 24;
-
 /// The rests of a grain.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, utoipa::ToSchema, clap::Args)]
 #[serde(deny_unknown_fields)]
@@ -43,6 +45,18 @@ pub struct RestsOptions {
     #[arg(long, value_enum, value_name = "BY", default_value_t)]
     #[serde(default)]
     pub foot: FootBy,
+    /// Follow how the plates turn the grain from this many poses about each rest too: tilted at random (`placing_deg`), at any friction up
+    /// to the one given, on surfaces that the outlines and the hidden foot leave open.
+    #[arg(
+        long,
+        value_name = "N",
+        help = "Follow how the plates turn the grain from N poses about each rest too: tilted at random (--placing-deg), at any friction \
+                up to the one given, on surfaces that the outlines and the hidden foot leave open"
+    )]
+    pub ensemble: Option<usize>,
+    /// Standard deviation of the tilt about either level axis with which a grain is laid between the plates, degrees; 2 unless given.
+    #[arg(long, value_name = "DEG", requires = "ensemble", allow_negative_numbers = true)]
+    pub placing_deg: Option<f64>,
     /// Folder for rests.csv and rests.png; NAME-rests unless given.
     #[arg(long, value_name = "DIR")]
     #[schema(value_type = Option<String>)]
@@ -66,12 +80,49 @@ pub struct RestsResult {
     pub as_photographed: usize,
     /// All rests, the most likely first.
     pub rests: Vec<RestLine>,
+    /// How far the plates turn the grain where it is laid askew, over all rests by their chances; none unless asked for.
+    pub ensemble: Option<AskewResult>,
     /// How deep the part that the pedestal hid was closed, mm; none where nothing was hidden, or it was left flat.
     pub foot_depth_mm: Option<f64>,
     /// What was written, as it was named.
     pub files: Vec<String>,
     /// What a person should know.
     pub warnings: Vec<String>,
+}
+
+/// What is drawn where a grain is laid askew, and what comes of it over all rests.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct AskewResult {
+    /// Poses about each rest.
+    pub draws: usize,
+    /// Standard deviation of the tilt about either level axis, degrees.
+    pub placing_deg: f64,
+    /// The least and the greatest friction.
+    pub friction: [f64; 2],
+    /// The depths to which the part that the pedestal hid was closed, mm, one as likely as the other; empty where it was not closed.
+    pub foot_depths_mm: Vec<f64>,
+    /// How far the plates come while they turn the grain, each rest by its chance.
+    #[serde(flatten)]
+    pub askew: Askew,
+}
+
+/// How far plates come while they turn a grain that is laid askew.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Askew {
+    /// How far they come.
+    pub rocking_mm: Interval,
+    /// The part of the draws in which they turn it at all, 0 to 1.
+    pub rocks_share: f64,
+}
+
+impl Askew {
+    /// Of approaches (mm) with their weights.
+    fn of(all: Vec<(f64, f64)>) -> Self {
+        let whole: f64 = all.iter().map(|(_, weight)| weight).sum();
+        let rocking: f64 = all.iter().filter(|(mm, _)| *mm > 0.0).map(|(_, weight)| weight).sum();
+        let rocks_share = if whole > 0.0 { rocking / whole } else { 0.0 };
+        Self { rocking_mm: Interval::of(all), rocks_share }
+    }
 }
 
 /// A rest.
@@ -101,6 +152,8 @@ pub struct RestLine {
     pub held_by_friction: bool,
     /// Where the plates touch the grain where the pedestal hid it, as it lies or as they hold it: there its surface is not known.
     pub on_foot: bool,
+    /// How far the plates come where the grain is laid askew; none unless asked for.
+    pub askew: Option<Askew>,
     /// What `compress --rotate-deg` takes to lay it so, degrees.
     pub rotate_deg: [f64; 3],
 }
@@ -122,6 +175,7 @@ impl RestLine {
             rocking_deg: rocked.angle().to_degrees(),
             held_by_friction: rocked.held_by_friction,
             on_foot,
+            askew: None,
             rotate_deg: [x, y, z].map(f64::to_degrees),
         }
     }
@@ -135,6 +189,7 @@ impl RestsOptions {
     pub fn check(&self, context: &Context) -> Result<(), JobError> {
         let friction = self.friction()?;
         self.check_lift()?;
+        self.spread(friction)?;
         plausible::settle(FRICTION.doubt(friction).into_iter().collect(), self.as_given || context.as_given)?;
         self.read().check(context)?;
         context.names.output(&self.folder()).map(drop)
@@ -147,6 +202,7 @@ impl RestsOptions {
     pub fn run(&self, context: &Context) -> Result<RestsResult, JobError> {
         let friction = self.friction()?;
         self.check_lift()?;
+        let spread = self.spread(friction)?;
         let options = self.read();
         let mut warnings = Vec::new();
         let input = options.input_body(context, &mut |what, _| {
@@ -155,9 +211,20 @@ impl RestsOptions {
         let found = doubts(&input, &Placing::default(), None).into_iter().chain(FRICTION.doubt(friction));
         warnings.extend(plausible::settle(found.collect(), self.as_given || context.as_given)?);
         let source = input.name();
-        let (surface, foot) = self.surface(input)?;
+        let (carved, foot) = surface(input)?;
+        let surface = self.closed(&carved, foot.as_ref());
         let center = surface_center(&surface);
         let rests = Rests::new(hull_of(&surface.vertices)?, &center, self.least_lift_mm);
+        let foot_depth_mm = foot.as_ref().and_then(|f| f.depth_mm).filter(|_| self.foot == FootBy::Closed);
+        let may_be = match &spread {
+            Some(_) => {
+                let foot = foot.as_ref().filter(|_| self.foot == FootBy::Closed);
+                let outline_mm = usual_outline_mm(options.recording(context)?.as_ref());
+                Some(Variants::new(&carved, foot, outline_mm, self.least_lift_mm)?)
+            }
+            None => None,
+        };
+        let mut all_askew = Vec::new();
         let mut lines = Vec::new();
         let mut poses = Vec::new();
         let as_photographed = rests.reached_from(&-Vector::z()) + 1;
@@ -170,7 +237,17 @@ impl RestsOptions {
                     .iter()
                     .any(|(at, pose)| on_foot(foot, at, pose, &center).iter().any(|share| *share > 0.0))
             });
-            let line = RestLine::new(k + 1, rest, &rocked, touches_foot);
+            let mut line = RestLine::new(k + 1, rest, &rocked, touches_foot);
+            if let (Some((spread, draws)), Some(may_be)) = (&spread, &may_be) {
+                let turns = may_be.rests.iter().map(|r| r.rests[r.reached_from(&rest.down)].turn);
+                let lying = Lying { chance: 1.0, turns: turns.collect() };
+                let hulls: Vec<_> = may_be.rests.iter().map(Rests::hull).collect();
+                let drawn = ensemble(&hulls, &[lying], spread, *draws);
+                let askew: Vec<(f64, f64)> =
+                    drawn.iter().map(|d| (d.approach_mm, rest.chance / *draws as f64)).collect();
+                all_askew.extend_from_slice(&askew);
+                line.askew = Some(Askew::of(askew));
+            }
             if poses.len() < DRAWN {
                 poses.push(pose(&surface, &center, rest, &rocked, captions(&line, as_photographed)));
             }
@@ -181,7 +258,6 @@ impl RestsOptions {
                 "with a least lift of your own the rests' numbers are not those of `compress --rest`: give it rotate_deg".into(),
             );
         }
-        let foot_depth_mm = foot.as_ref().and_then(|f| f.depth_mm).filter(|_| self.foot == FootBy::Closed);
         warnings.extend(foot.as_ref().and_then(|f| foot_warning(f, foot_depth_mm, &lines)));
         if lines.len() > FACETS {
             warnings.push(format!(
@@ -205,31 +281,42 @@ impl RestsOptions {
             files.push(folder.join(name).display().to_string());
         }
         let least_lift_mm = rests.least_lift_mm;
-        let rests = lines;
+        let ensemble = spread.map(|(spread, draws)| AskewResult {
+            draws,
+            placing_deg: spread.placing.to_degrees(),
+            friction: spread.friction,
+            foot_depths_mm: may_be.map_or_else(Vec::new, |v| v.foot_depths_mm),
+            askew: Askew::of(all_askew),
+        });
         Ok(RestsResult {
             source,
             friction,
             least_lift_mm,
             as_photographed,
-            rests,
+            rests: lines,
+            ensemble,
             foot_depth_mm,
             files,
             warnings,
         })
     }
 
-    /// The surface of what is pressed, and what of it was hidden.
-    fn surface(&self, input: CompressInput) -> Result<(TriangleMesh, Option<Foot>), JobError> {
-        match input {
-            CompressInput::Surface { surface, hidden_mm, .. } => Ok(footed(&surface, hidden_mm, self.foot)),
-            CompressInput::Mesh(mesh, _) => {
-                mesh.check().map_err(ContactError::Mesh)?;
-                Ok((mesh.surface().triangles, None))
-            }
-            CompressInput::Sphere(_) => {
-                Err(JobError::Usage("a sphere lies anyhow; give a session or a file".into()))
-            }
-        }
+    /// A surface with its foot closed, or left flat where that was asked for.
+    fn closed(&self, carved: &TriangleMesh, foot: Option<&Foot>) -> TriangleMesh {
+        let foot = foot.filter(|_| self.foot == FootBy::Closed);
+        foot.map_or_else(|| carved.clone(), |foot| foot.closed(carved, 1.0))
+    }
+
+    /// What an ensemble draws from, and how often; none where no one was asked for.
+    fn spread(&self, friction: f64) -> Result<Option<(Spread, usize)>, ContactError> {
+        let Some(asked) = self.ensemble else { return Ok(None) };
+        // The rigid stage alone: what the grain is made of does not count.
+        let spread = Spread {
+            placing: placing_rad(self.placing_deg)?,
+            friction: [0.0, friction],
+            young_mpa: [1.0, 1.0],
+        };
+        Ok(Some((spread, draws(asked)?)))
     }
 
     fn friction(&self) -> Result<f64, ContactError> {
@@ -257,6 +344,23 @@ impl RestsOptions {
             let stem = if self.read().is_file() { self.input.file_stem() } else { self.input.file_name() };
             format!("{}-rests", stem.unwrap_or_default().to_string_lossy()).into()
         })
+    }
+}
+
+/// The surface of what is pressed, as it was carved, and what of it was hidden.
+fn surface(input: CompressInput) -> Result<(TriangleMesh, Option<Foot>), JobError> {
+    match input {
+        CompressInput::Surface { surface, hidden_mm, .. } => {
+            let foot = hidden_mm.and_then(|mm| Foot::of(&surface, mm));
+            Ok((surface, foot))
+        }
+        CompressInput::Mesh(mesh, _) => {
+            mesh.check().map_err(ContactError::Mesh)?;
+            Ok((mesh.surface().triangles, None))
+        }
+        CompressInput::Sphere(_) => {
+            Err(JobError::Usage("a sphere lies anyhow; give a session or a file".into()))
+        }
     }
 }
 
@@ -316,14 +420,23 @@ fn captions(line: &RestLine, as_photographed: usize) -> Vec<String> {
 fn table(lines: &[RestLine]) -> String {
     let mut out = String::from(
         "rest,chance,height_mm,center_mm,lift_mm,feet,gap_deg,rocks,rocking_mm,rocking_deg,held_by_friction,\
-         on_foot,rotate_x_deg,rotate_y_deg,rotate_z_deg\n",
+         on_foot,askew_p05_mm,askew_median_mm,askew_p95_mm,askew_rocks_share,rotate_x_deg,rotate_y_deg,rotate_z_deg\n",
     );
     for l in lines {
         let lift = l.lift_mm.map_or_else(String::new, |mm| format!("{mm:.6}"));
+        let askew = l.askew.map_or_else(
+            || ",,,".to_owned(),
+            |a| {
+                format!(
+                    "{:.6},{:.6},{:.6},{:.4}",
+                    a.rocking_mm.p05_mm, a.rocking_mm.median_mm, a.rocking_mm.p95_mm, a.rocks_share
+                )
+            },
+        );
         let [x, y, z] = l.rotate_deg;
         let _ = writeln!(
             out,
-            "{},{:.5},{:.6},{:.6},{lift},{},{:.4},{},{:.6},{:.4},{},{},{x:.4},{y:.4},{z:.4}",
+            "{},{:.5},{:.6},{:.6},{lift},{},{:.4},{},{:.6},{:.4},{},{},{askew},{x:.4},{y:.4},{z:.4}",
             l.rest,
             l.chance,
             l.height_mm,

@@ -119,6 +119,8 @@ pub enum JobKind {
     Merge,
     /// A grain between two plates.
     Compress,
+    /// A grain between two plates, in many ways.
+    Ensemble,
     /// Photographs that become a session.
     Import,
     /// A body's mesh, as files.

@@ -5,6 +5,7 @@ mod calculix;
 mod command;
 mod decks;
 mod elements;
+mod ensemble;
 mod experiments;
 mod foot;
 mod grain;

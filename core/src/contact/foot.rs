@@ -155,7 +155,7 @@ fn distances(surface: &TriangleMesh, from: &[u32], most_mm: f64) -> Vec<f64> {
 }
 
 /// The outward normals at the vertices, of the triangles around by their areas.
-fn normals(surface: &TriangleMesh) -> Vec<Vector> {
+pub(super) fn normals(surface: &TriangleMesh) -> Vec<Vector> {
     let mut sums = vec![Vector::zeros(); surface.vertices.len()];
     for (t, corners) in surface.triangles.iter().enumerate() {
         let [a, b, c] = surface.corners(t);

@@ -129,11 +129,7 @@ impl FootResult {
 }
 
 /// A surface as it is pressed: with its foot closed, where it has one and that was asked for; and the foot.
-pub(in crate::jobs) fn footed(
-    surface: &TriangleMesh,
-    hidden_mm: Option<f64>,
-    by: FootBy,
-) -> (TriangleMesh, Option<Foot>) {
+fn footed(surface: &TriangleMesh, hidden_mm: Option<f64>, by: FootBy) -> (TriangleMesh, Option<Foot>) {
     let foot = hidden_mm.and_then(|mm| Foot::of(surface, mm));
     let share = if by == FootBy::Closed { 1.0 } else { 0.0 };
     (foot.as_ref().map_or_else(|| surface.clone(), |f| f.closed(surface, share)), foot)

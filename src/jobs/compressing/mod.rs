@@ -4,6 +4,7 @@
 //! `state.bin` (the checkpoint), `beside.json` (curves that are drawn beside its own), `lock` (held by the one process that computes), and the results. What follows from the mesh
 //! and `run.json` is computed again on resuming, so a resumed run goes on with the same bits.
 
+mod alone;
 mod asked;
 mod body;
 mod catalogue;
@@ -19,9 +20,10 @@ mod reporter;
 #[cfg(test)]
 mod tests;
 
+pub(in crate::jobs) use alone::{Alone, alone};
 pub use asked::{Claim, CompressMaterial, CompressRequest};
 pub use body::{CompressInput, FootBy, FootResult, Placing, RockingBy, RockingResult};
-pub(in crate::jobs) use body::{doubts, footed, hull_of, on_foot, surface_center};
+pub(in crate::jobs) use body::{doubts, hull_of, on_foot, surface_center};
 pub use catalogue::{CompressDetails, CompressFile, CompressLine, CompressState};
 pub use figures::{
     CompressProgress, CompressResult, CompressSettings, EnergyResult, ExperimentResult, OtherCurve,
@@ -29,6 +31,7 @@ pub use figures::{
 pub use files::{experiment_lines, rocking_line, transition_line};
 pub use host::CompressHost;
 pub use options::CompressOptions;
+pub(in crate::jobs) use others::others;
 
 use super::JobError;
 use crate::session::{Held, hold, read_inside, to_json, to_json_value, write_whole};

@@ -133,7 +133,7 @@ impl CompressOptions {
         Ok(object)
     }
 
-    fn request(&self, context: &Context) -> CompressRequest {
+    pub(in crate::jobs) fn request(&self, context: &Context) -> CompressRequest {
         CompressRequest { as_given: self.request.as_given || context.as_given, ..self.request.clone() }
     }
 
@@ -142,7 +142,10 @@ impl CompressOptions {
     }
 
     /// The session whose grain is compressed; `None` for a file or a sphere.
-    fn recording(&self, context: &Context) -> Result<Option<Recording>, JobError> {
+    ///
+    /// # Errors
+    /// [`JobError`]: no such session, or a file that is no body.
+    pub(in crate::jobs) fn recording(&self, context: &Context) -> Result<Option<Recording>, JobError> {
         let Some(given) = self.input.as_deref().filter(|_| !self.is_file()) else { return Ok(None) };
         // A client has no other files.
         if !context.names.is_clients() && given.is_file() {

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 const MOST_BYTES: usize = 64 << 20;
 
 /// The curves that are asked for; `recording` is the session whose grain is compressed, where it is one's.
-pub(super) fn others(
+pub(in crate::jobs) fn others(
     request: &CompressRequest,
     names: &Names,
     recording: Option<&Recording>,
