@@ -4,7 +4,7 @@ use super::compressing::{
     CompressInput, CompressOptions, CompressRequest, FootBy, Placing, doubts, hull_of, on_foot,
     surface_center,
 };
-use super::ensemble::{Interval, Variants, draws, placing_rad, usual_outline_mm};
+use super::ensemble::{Interval, Variants, draws, placing_rad, unknown};
 use super::mesh_files::Unit;
 use super::{Context, JobError};
 use crate::session::write_whole;
@@ -219,12 +219,13 @@ impl RestsOptions {
         let may_be = match &spread {
             Some(_) => {
                 let foot = foot.as_ref().filter(|_| self.foot == FootBy::Closed);
-                let outline_mm = usual_outline_mm(options.recording(context)?.as_ref());
-                Some(Variants::new(&carved, foot, outline_mm, self.least_lift_mm)?)
+                let unknown = unknown(options.recording(context)?.as_ref());
+                Some(Variants::new(&carved, foot, &unknown, self.least_lift_mm)?)
             }
             None => None,
         };
         let mut all_askew = Vec::new();
+        let mut draws_csv = String::from("rest,draw,surface,tilt_deg,friction,turned_deg,rocking_mm\n");
         let mut lines = Vec::new();
         let mut poses = Vec::new();
         let as_photographed = rests.reached_from(&-Vector::z()) + 1;
@@ -243,6 +244,18 @@ impl RestsOptions {
                 let lying = Lying { chance: 1.0, turns: turns.collect() };
                 let hulls: Vec<_> = may_be.rests.iter().map(Rests::hull).collect();
                 let drawn = ensemble(&hulls, &[lying], spread, *draws);
+                for (draw, d) in drawn.iter().enumerate() {
+                    let [tilt, turned] = [d.tilt, d.turned].map(f64::to_degrees);
+                    let _ = writeln!(
+                        draws_csv,
+                        "{},{},{},{tilt:.4},{:.4},{turned:.4},{:.6}",
+                        k + 1,
+                        draw + 1,
+                        d.surface + 1,
+                        d.friction,
+                        d.approach_mm
+                    );
+                }
                 let askew: Vec<(f64, f64)> =
                     drawn.iter().map(|d| (d.approach_mm, rest.chance / *draws as f64)).collect();
                 all_askew.extend_from_slice(&askew);
@@ -276,7 +289,11 @@ impl RestsOptions {
         let title = format!("Rests of {source}, between plates of friction {friction}");
         let png = Poses { title, poses }.png().map_err(|e| JobError::Encode(e.to_string()))?;
         let mut files = Vec::new();
-        for (name, bytes) in [("rests.csv", table(&lines).into_bytes()), ("rests.png", png)] {
+        let mut written = vec![("rests.csv", table(&lines).into_bytes()), ("rests.png", png)];
+        if spread.is_some() {
+            written.push(("draws.csv", draws_csv.into_bytes()));
+        }
+        for (name, bytes) in written {
             write_whole(&place, name, &bytes)?;
             files.push(folder.join(name).display().to_string());
         }

@@ -80,11 +80,11 @@ fn what_makes_no_sense_is_refused_with_its_limit() {
     for (args, code, words) in [
         (&["rests", "block.stl", "--friction", "-0.1"][..], 2, &["friction", "not negative"][..]),
         (&["rests", "block.stl", "--least-lift-mm", "-1"], 2, &["least_lift_mm", "not negative"]),
-        (&["rests", "block.stl", "--ensemble", "5"], 2, &["ensemble 5", "from 20 to 100000", "1000"]),
+        (&["rests", "block.stl", "--ensemble", "5"], 2, &["ensemble = 5 draws", "from 20 to 100000", "1000"]),
         (
             &["rests", "block.stl", "--ensemble", "50", "--placing-deg", "90"],
             2,
-            &["placing_deg 90", "from 0 to 45"],
+            &["placing_deg = 90", "from 0 to 45"],
         ),
         (&["rests", "block.stl", "--placing-deg", "1"], 2, &["--ensemble"]),
         (&["rests", "nothing.stl"], 1, &["nothing.stl"]),

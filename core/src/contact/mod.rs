@@ -56,7 +56,7 @@ pub use indentation::indentation_mm;
 pub use instructions::Instructions;
 pub use laws::{LAWS, Law, Parameter, Program};
 pub use material::Material;
-pub use perturbed::perturbed;
+pub use perturbed::{normal_vector, perturbed};
 pub use plates::{Plates, Reaction};
 pub use press::{Loading, Press, Sample};
 pub use readoff::{

@@ -15,11 +15,8 @@ const WAVES: usize = 96;
 pub fn perturbed(surface: &TriangleMesh, deviation_mm: f64, length_mm: f64, number: usize) -> TriangleMesh {
     let waves: Vec<(Vector, f64)> = (0..WAVES)
         .map(|k| {
-            let [a, b, c, d, phase, ..] = even::<7>(number * WAVES + k);
-            // Box and Muller: three normal components.
-            let size = |u: f64| (-2.0 * (1.0 - u).ln()).sqrt() / length_mm;
-            let (s, t) = ((TAU * b).sin_cos(), (TAU * d).sin());
-            (Vector::new(size(a) * s.0, size(a) * s.1, size(c) * t), TAU * phase)
+            let (normal, phase) = normal_vector(number * WAVES + k);
+            (normal / length_mm, TAU * phase)
         })
         .collect();
     let amplitude = deviation_mm * (2.0 / WAVES as f64).sqrt();
@@ -31,11 +28,30 @@ pub fn perturbed(surface: &TriangleMesh, deviation_mm: f64, length_mm: f64, numb
     TriangleMesh { vertices: moved.collect(), triangles: surface.triangles.clone() }
 }
 
+/// Of an even sequence of vectors with three standard normal components the one of this number, and a place that has nothing to do with
+/// it, from 0 to below 1.
+pub fn normal_vector(number: usize) -> (Vector, f64) {
+    let [a, b, c, d, place, ..] = even::<7>(number);
+    // Box and Muller.
+    let size = |u: f64| (-2.0 * (1.0 - u).ln()).sqrt();
+    let ((sin, cos), other) = ((TAU * b).sin_cos(), (TAU * d).sin());
+    (Vector::new(size(a) * sin, size(a) * cos, size(c) * other), place)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::geometry::{Ball, Point};
     use crate::mesh::{Controls, mesh};
+
+    #[test]
+    fn vectors_are_standard_normal() {
+        let count = 2000;
+        let all: Vec<Vector> = (0..count).map(|k| normal_vector(k).0).collect();
+        let mean = all.iter().sum::<Vector>() / f64::from(count as u32);
+        let square: Vector = all.iter().map(|v| v.component_mul(v)).sum::<Vector>() / f64::from(count as u32);
+        assert!(mean.amax() < 0.05 && square.add_scalar(-1.0).amax() < 0.05, "{mean} {square}");
+    }
 
     #[test]
     fn the_field_has_its_deviation_and_its_length() {

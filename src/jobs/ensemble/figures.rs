@@ -30,6 +30,8 @@ pub struct Drawing {
     pub young_mpa: [f64; 2],
     /// Standard deviation of the surface, µm.
     pub outline_um: f64,
+    /// The share of the hull that is hollows which no view shows, by which its centre of mass is not known.
+    pub hollow_share: f64,
     /// The depths to which the part that the pedestal hid was closed, mm, one as likely as the other; empty where there was none.
     pub foot_depths_mm: Vec<f64>,
     /// In how many ways the grain may lie: its rests, or one where that is stated.
@@ -364,14 +366,16 @@ pub fn lines(drawn: &Drawing, f: &EnsembleFigures) -> Vec<String> {
         format!("delta_i at {} N: {}{as_placed}", drawn.transition_n, interval(&f.delta_i_mm.interval)),
         format!("rocking {}; deformation {}", interval(&f.rocking_mm), interval(&f.deformation_mm)),
         format!(
-            "{} draws: {lies}, laid askew by {:.2}°, friction {} to {}, E {:.0} to {:.0} MPa, surface known to {:.2} µm",
+            "{} draws: {lies}, laid askew by {:.2}°, friction {} to {}, E {:.0} to {:.0} MPa, surface known to {:.2} µm, \
+             {:.1} % of it hollow",
             drawn.draws,
             drawn.placing_deg,
             drawn.friction[0],
             drawn.friction[1],
             drawn.young_mpa[0],
             drawn.young_mpa[1],
-            drawn.outline_um
+            drawn.outline_um,
+            100.0 * drawn.hollow_share
         ),
     ];
     if let [least, .., most] = sorted(&drawn.foot_depths_mm)[..] {

@@ -16,7 +16,7 @@ mod variants;
 
 pub use figures::{EnsembleFigures, EnsembleResult, lines as ensemble_lines};
 pub use interval::Interval;
-pub(super) use variants::Variants;
+pub(super) use variants::{Unknown, Variants};
 
 use super::compressing::{
     CompressInput, CompressOptions, CompressRequest, CompressSettings, Placing, doubts, others,
@@ -33,6 +33,7 @@ use grainrig_core::plausible;
 use nalgebra::Rotation3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
@@ -53,6 +54,8 @@ const ALONE: usize = 400;
 const PLACING_DEG: f64 = 2.0;
 /// That of an outline's place, pixels: what two recordings of one grain differ by from view to view.
 const OUTLINE_PX: f64 = 0.2;
+/// The share of a hull that is hollow where its volume is not estimated.
+const HOLLOWS: f64 = 0.05;
 /// Forces of the band of curves, over the transition's.
 const FORCES: [f64; 12] = [0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0];
 /// The transition's own among them.
@@ -117,10 +120,11 @@ impl EnsembleSpread {
         Err(ContactError::Setting { name, value, unit, limit, remedy: "24 are usual" })
     }
 
-    fn outline_mm(&self, recording: Option<&Recording>) -> Result<f64, ContactError> {
-        let value = self.outline_um.unwrap_or_else(|| 1e3 * usual_outline_mm(recording));
+    fn unknown(&self, recording: Option<&Recording>) -> Result<Unknown, ContactError> {
+        let usual = unknown(recording);
+        let value = self.outline_um.unwrap_or(1e3 * usual.outline_mm);
         if (0.0..=100.0).contains(&value) {
-            return Ok(1e-3 * value);
+            return Ok(Unknown { outline_mm: 1e-3 * value, ..usual });
         }
         let (name, unit, limit, remedy) =
             ("outline_um", "µm", "from 0 to 100", "a fifth of a pixel is usual");
@@ -128,10 +132,14 @@ impl EnsembleSpread {
     }
 }
 
-/// The standard deviation of the surface of a session's grain, mm; none of a file's.
-pub(super) fn usual_outline_mm(recording: Option<&Recording>) -> f64 {
-    let pixel_mm = recording.and_then(|r| r.result()?.pointer("/scale_mm_per_px")?.as_f64());
-    pixel_mm.map_or(0.0, |mm| OUTLINE_PX * mm)
+/// What is not known of a session's hull; nothing of a file.
+pub(super) fn unknown(recording: Option<&Recording>) -> Unknown {
+    let Some(result) = recording.and_then(Recording::result) else { return Unknown::default() };
+    let figure = |pointer: &str| result.pointer(pointer).and_then(Value::as_f64);
+    let outline_mm = figure("/scale_mm_per_px").map_or(0.0, |mm| OUTLINE_PX * mm);
+    let volumes = figure("/hull/volume_estimate_mm3").zip(figure("/hull/volume_mm3"));
+    let hollows = volumes.map_or(HOLLOWS, |(grain, hull)| (1.0 - grain / hull).clamp(0.0, 1.0));
+    Unknown { outline_mm, hollows }
 }
 
 /// So many draws, where that makes sense.
@@ -203,7 +211,7 @@ impl EnsembleOptions {
         self.spread.spread(&settings)?;
         self.spread.draws()?;
         self.spread.cases()?;
-        self.spread.outline_mm(None)?;
+        self.spread.unknown(None)?;
         context.names.output(&self.folder()).map(drop)
     }
 
@@ -233,11 +241,11 @@ impl EnsembleOptions {
             return Err(JobError::Usage(why.into()));
         };
         settings.source.clone_from(&name);
-        let outline_mm = self.spread.outline_mm(recording.as_ref())?;
+        let unknown = self.spread.unknown(recording.as_ref())?;
         let spread = self.spread.spread(&settings)?;
         context.working("rests", 0.0);
         let foot = hidden_mm.and_then(|mm| Foot::of(&surface, mm)).filter(|_| placing.foot == FootBy::Closed);
-        let grain = Variants::new(&surface, foot.as_ref(), outline_mm, None)?;
+        let grain = Variants::new(&surface, foot.as_ref(), &unknown, None)?;
         let (lyings, nominal) = lyings(&grain, &placing)?;
         let given = self.folder();
         let folder = context.names.output(&given)?;
@@ -278,7 +286,8 @@ impl EnsembleOptions {
             placing_deg: spread.placing.to_degrees(),
             friction: spread.friction,
             young_mpa: spread.young_mpa,
-            outline_um: 1e3 * outline_mm,
+            outline_um: 1e3 * unknown.outline_mm,
+            hollow_share: unknown.hollows,
             foot_depths_mm: grain.foot_depths_mm.clone(),
             ways_to_lie: lyings.len(),
             transition_n: settings.transition_n,
