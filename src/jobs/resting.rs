@@ -22,6 +22,7 @@ use std::path::PathBuf;
 const FACETS: usize = 40;
 /// Rests that are drawn.
 const DRAWN: usize = 24;
+
 /// The rests of a grain.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, utoipa::ToSchema, clap::Args)]
 #[serde(deny_unknown_fields)]

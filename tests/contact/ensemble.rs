@@ -75,8 +75,8 @@ fn an_ensemble_is_an_interval_with_what_it_comes_from_and_goes_on_with_the_missi
     // Cases foretell each other, and the block as it was placed.
     let left_out = found["regression"]["left_out"].as_array().unwrap();
     assert_eq!(left_out.len(), 6);
-    assert!(found["regression"]["error"].as_f64().unwrap() < 0.25, "{found}");
-    assert!((held / as_placed - 1.0).abs() < 0.5, "{held} {as_placed}");
+    assert!(found["regression"]["error"].as_f64().unwrap() < 0.02, "{found}");
+    assert!((held / as_placed - 1.0).abs() < 0.02, "{held} {as_placed}");
     let band = found["band"].as_array().unwrap();
     assert!(band.windows(2).all(|w| interval(&w[1]["approach_mm"])[1] > interval(&w[0]["approach_mm"])[1]));
     let place = folder.path().join("block-ensemble");
@@ -113,6 +113,7 @@ fn what_makes_no_sense_of_an_ensemble_is_refused_with_its_remedy() {
         (with(&["--outline-um", "1000"]), &["outline_um = 1000", "from 0 to 100"]),
         (with(&["--young-span-mpa", "110000", "90000"]), &["young_span_mpa = 110000", "the lesser first"]),
         (with(&["--young-span-mpa", "nan", "90000"]), &["young_span_mpa = NaN"]),
+        (with(&["--young-span-mpa", "90", "110"]), &["young_mpa", "90"]),
         (with(&["--to-approach-mm", "0.01"]), &["--to-force-n"]),
         (with(&["--rocking", "elements"]), &["--rocking"]),
         (with(&["--rest", "9"]), &["rest 9", "1 to 6"]),
@@ -195,5 +196,5 @@ fn what_a_hull_says_of_the_turning_holds_of_the_true_grain() {
     }
     println!("{:.3} of all", inside / all);
     // Nine in ten would be all that the hull says of itself; of all eight grains it is eight, since some hulls come to other rests.
-    assert!(inside / all > 0.75, "{:.3}", inside / all);
+    assert!(inside / all > 0.8, "{:.3}", inside / all);
 }

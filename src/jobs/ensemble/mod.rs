@@ -26,7 +26,7 @@ use crate::session::{LOCK, Recording, hold, read_inside, sha256_hex, to_json, wr
 use cases::{Case, Common};
 use figures::{Drawing, Figures};
 use grainrig_core::contact::{
-    ContactError, Drawn, Foot, Lying, Rests, SETTLED, Spread, Surrogate, ensemble, indentation_mm,
+    ContactError, Drawn, Foot, Lying, Material, Rests, SETTLED, Spread, Surrogate, ensemble, indentation_mm,
 };
 use grainrig_core::geometry::{ConvexHull, TriangleMesh, Vector};
 use grainrig_core::plausible;
@@ -52,9 +52,9 @@ const USUAL_CASES: usize = 24;
 const ALONE: usize = 400;
 /// Standard deviation of the tilt of a grain that is laid by hand, degrees.
 const PLACING_DEG: f64 = 2.0;
-/// That of an outline's place, pixels: what two recordings of one grain differ by from view to view.
+/// That of an outline's place, pixels: chosen, not measured.
 const OUTLINE_PX: f64 = 0.2;
-/// The share of a hull that is hollow where its volume is not estimated.
+/// The share of a hull that is hollow where its volume is not estimated: chosen, not measured.
 const HOLLOWS: f64 = 0.05;
 /// Forces of the band of curves, over the transition's.
 const FORCES: [f64; 12] = [0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0];
@@ -105,6 +105,20 @@ impl EnsembleSpread {
             None => [given, given],
         };
         Ok(Spread { placing: placing_rad(self.placing_deg)?, friction: [0.0, friction], young_mpa })
+    }
+
+    /// What looks like slips of unit in the figures that were taken as given, the moduli's ends included.
+    fn taken_as_given(&self, settings: &CompressSettings, as_given: bool) -> Result<Vec<String>, JobError> {
+        let mut taken = settings.taken_as_given.clone();
+        if self.young_span_mpa.is_some() {
+            for young_mpa in self.spread(settings)?.young_mpa {
+                let material = Material { young_mpa, ..settings.material.clone() };
+                material.check()?;
+                taken.extend(plausible::settle(material.doubts(), as_given)?);
+            }
+        }
+        self.spread(settings)?;
+        Ok(taken)
     }
 
     fn draws(&self) -> Result<usize, ContactError> {
@@ -207,8 +221,9 @@ impl EnsembleOptions {
             );
         }
         g.check(context)?;
-        let settings = self.request(context).settings()?;
-        self.spread.spread(&settings)?;
+        let request = self.request(context);
+        let settings = request.settings()?;
+        self.spread.taken_as_given(&settings, request.as_given)?;
         self.spread.draws()?;
         self.spread.cases()?;
         self.spread.unknown(None)?;
@@ -232,10 +247,7 @@ impl EnsembleOptions {
         let input = self.grain.input_body(context, &mut |what, _| {
             warnings.extend((what != "reading the body").then(|| what.to_owned()));
         })?;
-        warnings.extend(plausible::settle(
-            doubts(&input, &placing, None),
-            self.grain.request.as_given || context.as_given,
-        )?);
+        warnings.extend(plausible::settle(doubts(&input, &placing, None), request.as_given)?);
         let CompressInput::Surface { surface, name, hidden_mm } = input else {
             let why = "an ensemble is of a session or of a closed surface: a mesh of tetrahedra is one surface alone";
             return Err(JobError::Usage(why.into()));
@@ -243,6 +255,7 @@ impl EnsembleOptions {
         settings.source.clone_from(&name);
         let unknown = self.spread.unknown(recording.as_ref())?;
         let spread = self.spread.spread(&settings)?;
+        warnings.extend(self.spread.taken_as_given(&settings, request.as_given)?);
         context.working("rests", 0.0);
         let foot = hidden_mm.and_then(|mm| Foot::of(&surface, mm)).filter(|_| placing.foot == FootBy::Closed);
         let grain = Variants::new(&surface, foot.as_ref(), &unknown, None)?;

@@ -13,7 +13,7 @@ const HULLS: usize = 20;
 /// The length over which an outline's error stays the same, over the cube root of the grain's volume: two to three views.
 const LENGTH: f64 = 0.12;
 /// The standard deviation of the centre of mass along each axis, over the hull's share that is hollow and the cube root of its volume:
-/// of eight captured grains whose truth is known 0.06 to 0.15.
+/// chosen after a few captures whose truth is known.
 const CENTER: f64 = 0.1;
 
 /// What is not known of a hull.
